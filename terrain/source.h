@@ -1,0 +1,50 @@
+/* Where heights come from: a database on disk, the embedded planet, or one over the other.
+ *
+ * A source answers rectangles of posts on any regular geographic grid, filtered to that grid's
+ * spacing, so that the renderer's clipmap levels need not follow the source's own tiles. */
+#pragma once
+
+#include <stdint.h>
+
+/* Posts at latitude (row0 + r) * lat_step_deg, r = 0 .. rows - 1, and longitude
+ * (col0 + c) * lon_step_deg, c = 0 .. cols - 1. Rows run northwards. Longitude is not reduced: a
+ * grid may run across the antimeridian (col * step beyond 180); latitudes beyond the poles ask for
+ * the pole's height. */
+struct terrain_grid {
+    double lat_step_deg, lon_step_deg;
+    int64_t row0, col0;
+    int rows, cols;
+};
+
+struct terrain_facts {
+    double finest_lat_step_deg; /* spacing of the finest posts that the source truly has */
+    double finest_lon_step_deg; /* at the equator's side of its extent */
+    double south_deg, west_deg, north_deg, east_deg; /* east may exceed 180 */
+    const char *name;
+};
+
+struct terrain_source;
+
+struct terrain_source_ops {
+    /* Fills ret_height_m[rows][cols] with orthometric heights (metres above the EGM96 geoid);
+     * NaN where the source has none. Returns 0 or -errno; a tile that cannot be read makes its
+     * posts NaN and is counted, not returned. */
+    int (*sample_grid)(struct terrain_source *source, const struct terrain_grid *grid,
+                       float *ret_height_m);
+    /* The height of the finest surface at one place (bilinear between the four posts around it);
+     * NaN where there is none. */
+    int (*sample_point)(struct terrain_source *source, double lat_deg, double lon_deg,
+                        double *ret_height_m);
+    void (*facts)(const struct terrain_source *source, struct terrain_facts *ret_facts);
+    void (*destroy)(struct terrain_source *source);
+};
+
+/* Embedded first in each implementation. One thread at a time may use a source. */
+struct terrain_source {
+    const struct terrain_source_ops *ops;
+    uint64_t tiles_loaded; /* read and decoded since the source was opened */
+    uint64_t read_errors;  /* tiles that could not be */
+};
+
+/* Legal on NULL. */
+void terrain_source_destroy(struct terrain_source *source);

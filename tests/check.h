@@ -1,0 +1,77 @@
+/* The smallest test harness that tells a stranger what failed: each test is a function with a human
+ * title, each check prints the values it compared. */
+#pragma once
+
+#include <math.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static int check_failures;
+static const char *check_title = "";
+
+#define CHECK_FAIL(...)                                                                            \
+    do {                                                                                           \
+        check_failures++;                                                                          \
+        fprintf(stderr, "FAIL %s\n  %s:%d: ", check_title, __FILE__, __LINE__);                    \
+        fprintf(stderr, __VA_ARGS__);                                                              \
+        fputc('\n', stderr);                                                                       \
+    } while (0)
+
+#define CHECK(condition)                                                                           \
+    do {                                                                                           \
+        if (!(condition))                                                                          \
+            CHECK_FAIL("%s is false", #condition);                                                 \
+    } while (0)
+
+#define CHECK_INT(actual, expected)                                                                \
+    do {                                                                                           \
+        long long check_a = (long long)(actual), check_e = (long long)(expected);                  \
+        if (check_a != check_e)                                                                    \
+            CHECK_FAIL("%s is %lld, expected %lld", #actual, check_a, check_e);                    \
+    } while (0)
+
+#define CHECK_NEAR(actual, expected, tolerance)                                                    \
+    do {                                                                                           \
+        double check_a = (actual), check_e = (expected);                                           \
+        if (!(fabs(check_a - check_e) <= (tolerance)))                                             \
+            CHECK_FAIL("%s is %.17g, expected %.17g within %g", #actual, check_a, check_e,         \
+                       (double)(tolerance));                                                       \
+    } while (0)
+
+#define CHECK_STRING(actual, expected)                                                             \
+    do {                                                                                           \
+        const char *check_a = (actual), *check_e = (expected);                                     \
+        if (strcmp(check_a, check_e) != 0)                                                         \
+            CHECK_FAIL("%s is \"%s\", expected \"%s\"", #actual, check_a, check_e);                \
+    } while (0)
+
+#define CHECK_CONTAINS(haystack, needle)                                                           \
+    do {                                                                                           \
+        const char *check_h = (haystack), *check_n = (needle);                                     \
+        if (!strstr(check_h, check_n))                                                             \
+            CHECK_FAIL("%s is \"%s\", which does not contain \"%s\"", #haystack, check_h, check_n); \
+    } while (0)
+
+struct check_test {
+    const char *title;
+    void (*run)(void);
+};
+
+/* Runs all tests; the value is main's exit status. Every test runs even where one failed. */
+static inline int check_main(const struct check_test *tests, size_t count)
+{
+    int failed = 0;
+    for (size_t i = 0; i < count; i++) {
+        int before = check_failures;
+        check_title = tests[i].title;
+        tests[i].run();
+        bool ok = check_failures == before;
+        failed += !ok;
+        printf("%s %s\n", ok ? "ok  " : "FAIL", tests[i].title);
+    }
+    return failed ? 1 : 0;
+}
+
+#define CHECK_MAIN(tests) check_main(tests, sizeof(tests) / sizeof((tests)[0]))
