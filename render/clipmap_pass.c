@@ -1,0 +1,263 @@
+#include "render/clipmap_pass.h"
+
+#include <assert.h>
+#include <epoxy/gl.h>
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "render/ground_texture.h"
+#include "render/program.h"
+#include "terrain/level_store.h"
+
+/* A draw that emits more evaluation-shader vertices than its 16-bit indices reach is slow and full
+ * of holes in Mesa's software rasterisers (docs/performance.md). */
+#define SOFTWARE_VERTICES 65535
+#define BUFFERED_FRAMES   4
+#define BOUNDS_MARGIN_M   0.5f
+
+struct block_vertex {
+    int16_t block[4];
+    int16_t level[2];
+    float bounds[2];
+};
+
+struct draw_range {
+    GLint first;
+    GLsizei count;
+};
+
+struct clipmap_pass {
+    struct clipmap_shape shape;
+    bool software;
+    int instances;
+    GLuint program, vertex_array, vertex_buffer, heights, surfaces, ground;
+    struct block_vertex *mapped; /* BUFFERED_FRAMES parts, persistently mapped */
+    unsigned part;
+
+    bool has_layout;
+    struct clipmap_layout layout;
+    int finest;                  /* filled by the last update */
+    struct loader_bounds *bounds; /* [levels][squares][squares] */
+    uint64_t uploaded;
+
+    /* The block list, made anew when the layout or the first level changes. */
+    bool blocks_stale;
+    int listed_finest;
+    unsigned block_count, range_count;
+    uint64_t triangles;
+    struct block_vertex blocks[CLIPMAP_MAX_LEVELS * CLIPMAP_MAX_BLOCKS];
+    struct draw_range ranges[CLIPMAP_MAX_LEVELS * CLIPMAP_MAX_BLOCKS];
+};
+
+static GLuint create_array(const struct clipmap_shape *shape, GLenum format, GLint filter)
+{
+    GLuint texture;
+    GLint side = clipmap_storage(shape);
+    glCreateTextures(GL_TEXTURE_2D_ARRAY, 1, &texture);
+    glTextureStorage3D(texture, 1, format, side, side, shape->levels);
+    glTextureParameteri(texture, GL_TEXTURE_MIN_FILTER, filter);
+    glTextureParameteri(texture, GL_TEXTURE_MAG_FILTER, filter);
+    glTextureParameteri(texture, GL_TEXTURE_WRAP_S, GL_REPEAT);
+    glTextureParameteri(texture, GL_TEXTURE_WRAP_T, GL_REPEAT);
+    glClearTexImage(texture, 0, format == GL_RG32F ? GL_RG : GL_RGBA, GL_FLOAT, NULL);
+    return texture;
+}
+
+static void create_block_buffer(struct clipmap_pass *pass)
+{
+    const GLbitfield flags = GL_MAP_WRITE_BIT | GL_MAP_PERSISTENT_BIT | GL_MAP_COHERENT_BIT;
+    GLsizeiptr size = (GLsizeiptr)sizeof(pass->blocks) * BUFFERED_FRAMES;
+    glCreateBuffers(1, &pass->vertex_buffer);
+    glNamedBufferStorage(pass->vertex_buffer, size, NULL, flags);
+    pass->mapped = glMapNamedBufferRange(pass->vertex_buffer, 0, size, flags);
+    glCreateVertexArrays(1, &pass->vertex_array);
+    GLuint array = pass->vertex_array;
+    glVertexArrayVertexBuffer(array, 0, pass->vertex_buffer, 0, sizeof(struct block_vertex));
+    glVertexArrayAttribIFormat(array, 0, 4, GL_SHORT, offsetof(struct block_vertex, block));
+    glVertexArrayAttribIFormat(array, 1, 2, GL_SHORT, offsetof(struct block_vertex, level));
+    glVertexArrayAttribFormat(array, 2, 2, GL_FLOAT, GL_FALSE,
+                              offsetof(struct block_vertex, bounds));
+    for (GLuint attribute = 0; attribute < 3; attribute++) {
+        glEnableVertexArrayAttrib(array, attribute);
+        glVertexArrayAttribBinding(array, attribute, 0);
+    }
+}
+
+int clipmap_pass_create(const struct clipmap_shape *shape, const struct gl_facts *facts,
+                        struct clipmap_pass **ret_pass, struct diag *diag)
+{
+    struct clipmap_pass *pass = calloc(1, sizeof(*pass));
+    if (!pass)
+        return diag_set(diag, -ENOMEM, "no memory for the clipmap");
+    *pass = (struct clipmap_pass){.shape = *shape,
+                                  .software = facts->software,
+                                  .instances = clipmap_instances(shape),
+                                  .blocks_stale = true};
+    size_t squares = (size_t)level_squares(shape) * (size_t)level_squares(shape);
+    pass->bounds = calloc((size_t)shape->levels * squares, sizeof(*pass->bounds));
+    char defines[64];
+    snprintf(defines, sizeof(defines), "#define INSTANCES %d\n", pass->instances);
+    int r = pass->bounds ? 0 : diag_set(diag, -ENOMEM, "no memory for the clipmap's bounds");
+    if (r == 0)
+        r = program_create(&(struct program_params){.name = "terrain", .defines = defines},
+                           &pass->program, diag);
+    if (r < 0) {
+        clipmap_pass_destroy(pass);
+        return r;
+    }
+    pass->heights = create_array(shape, GL_RG32F, GL_NEAREST);
+    pass->surfaces = create_array(shape, GL_RGBA16F, GL_LINEAR);
+    pass->ground = ground_texture_create();
+    create_block_buffer(pass);
+    *ret_pass = pass;
+    return 0;
+}
+
+void clipmap_pass_destroy(struct clipmap_pass *pass)
+{
+    if (!pass)
+        return;
+    const GLuint textures[] = {pass->heights, pass->surfaces, pass->ground};
+    glDeleteTextures(3, textures);
+    glDeleteBuffers(1, &pass->vertex_buffer);
+    glDeleteVertexArrays(1, &pass->vertex_array);
+    glDeleteProgram(pass->program);
+    free(pass->bounds);
+    free(pass);
+}
+
+/* Copies a strip into toroidal storage: up to four pieces where it wraps. */
+static void upload_strip(struct clipmap_pass *pass, const struct loader_update *update,
+                         const struct loader_strip *strip)
+{
+    int side = clipmap_storage(&pass->shape), mask = side - 1;
+    struct clipmap_rect rect = strip->rect;
+    glPixelStorei(GL_UNPACK_ROW_LENGTH, rect.cols);
+    for (int r = 0; r < rect.rows;) {
+        int y = (rect.row0 + r) & mask;
+        int rows = rect.rows - r < side - y ? rect.rows - r : side - y;
+        for (int c = 0; c < rect.cols;) {
+            int x = (rect.col0 + c) & mask;
+            int cols = rect.cols - c < side - x ? rect.cols - c : side - x;
+            size_t at = strip->offset + (size_t)r * (size_t)rect.cols + (size_t)c;
+            glTextureSubImage3D(pass->heights, 0, x, y, strip->level, cols, rows, 1, GL_RG,
+                                GL_FLOAT, update->heights + at);
+            glTextureSubImage3D(pass->surfaces, 0, x, y, strip->level, cols, rows, 1, GL_RGBA,
+                                GL_HALF_FLOAT, update->surfaces + at);
+            c += cols;
+        }
+        r += rows;
+    }
+    pass->uploaded += (uint64_t)rect.rows * (uint64_t)rect.cols *
+                      (sizeof(struct loader_height) + sizeof(struct loader_surface));
+}
+
+void clipmap_pass_apply(struct clipmap_pass *pass, const struct loader_update *update)
+{
+    for (unsigned i = 0; i < update->strip_count; i++)
+        upload_strip(pass, update, &update->strips[i]);
+    glPixelStorei(GL_UNPACK_ROW_LENGTH, 0);
+    size_t squares = (size_t)level_squares(&pass->shape) * (size_t)level_squares(&pass->shape);
+    memcpy(pass->bounds, update->bounds,
+           (size_t)pass->shape.levels * squares * sizeof(*pass->bounds));
+    pass->layout = update->layout;
+    pass->finest = update->finest;
+    pass->has_layout = true;
+    pass->blocks_stale = true;
+}
+
+const struct clipmap_layout *clipmap_pass_layout(const struct clipmap_pass *pass)
+{
+    return pass->has_layout ? &pass->layout : NULL;
+}
+
+int clipmap_pass_finest(const struct clipmap_pass *pass)
+{
+    return pass->finest;
+}
+
+static struct loader_bounds block_bounds(const struct clipmap_pass *pass, int level,
+                                         const struct clipmap_block *block)
+{
+    int squares = level_squares(&pass->shape);
+    const struct loader_bounds *of_level = pass->bounds + (size_t)level * (size_t)(squares * squares);
+    struct loader_bounds bounds = {INFINITY, -INFINITY};
+    for (int j = block->row / LEVEL_SQUARE; j <= (block->row + block->rows - 1) / LEVEL_SQUARE; j++) {
+        for (int i = block->col / LEVEL_SQUARE; i <= (block->col + block->cols - 1) / LEVEL_SQUARE;
+             i++) {
+            struct loader_bounds square = of_level[j * squares + i];
+            bounds.min_m = fminf(bounds.min_m, square.min_m);
+            bounds.max_m = fmaxf(bounds.max_m, square.max_m);
+        }
+    }
+    bounds.min_m -= BOUNDS_MARGIN_M;
+    bounds.max_m += BOUNDS_MARGIN_M;
+    return bounds;
+}
+
+/* Appends a block, opening a new draw where the old one would emit too many vertices. */
+static void list_block(struct clipmap_pass *pass, int level, const struct clipmap_block *block,
+                       int *vertices_in_draw)
+{
+    int vertices = clipmap_block_vertices(block) + 4 * pass->instances * pass->instances *
+                                                       (block->cols + block->rows);
+    if (pass->instances == 1)
+        vertices = clipmap_block_vertices(block);
+    if (pass->range_count == 0 ||
+        (pass->software && *vertices_in_draw + vertices > SOFTWARE_VERTICES)) {
+        pass->ranges[pass->range_count++] = (struct draw_range){.first = (GLint)pass->block_count};
+        *vertices_in_draw = 0;
+    }
+    *vertices_in_draw += vertices;
+    assert(!pass->software || *vertices_in_draw <= SOFTWARE_VERTICES);
+    struct loader_bounds bounds = block_bounds(pass, level, block);
+    pass->ranges[pass->range_count - 1].count++;
+    pass->blocks[pass->block_count++] = (struct block_vertex){
+        .block = {block->col, block->row, block->cols, block->rows},
+        .level = {(int16_t)level, block->doubled},
+        .bounds = {bounds.min_m, bounds.max_m},
+    };
+    pass->triangles += 2u * (unsigned)block->cols * (unsigned)block->rows;
+}
+
+static void list_blocks(struct clipmap_pass *pass, int finest)
+{
+    int vertices_in_draw = 0;
+    pass->block_count = pass->range_count = 0;
+    pass->triangles = 0;
+    for (int level = finest; level < pass->shape.levels; level++) {
+        struct clipmap_block blocks[CLIPMAP_MAX_BLOCKS];
+        int count = clipmap_blocks(&pass->shape, &pass->layout, level, level > finest, blocks);
+        for (int i = 0; i < count; i++)
+            list_block(pass, level, &blocks[i], &vertices_in_draw);
+    }
+    pass->listed_finest = finest;
+    pass->blocks_stale = false;
+}
+
+void clipmap_pass_draw(struct clipmap_pass *pass, int finest, struct clipmap_pass_facts *ret_facts)
+{
+    assert(pass->has_layout && finest >= pass->finest && finest < pass->shape.levels);
+    if (pass->blocks_stale || finest != pass->listed_finest)
+        list_blocks(pass, finest);
+    pass->part = (pass->part + 1) % BUFFERED_FRAMES;
+    GLint base = (GLint)(pass->part * (sizeof(pass->blocks) / sizeof(pass->blocks[0])));
+    memcpy(pass->mapped + base, pass->blocks, pass->block_count * sizeof(pass->blocks[0]));
+    glUseProgram(pass->program);
+    glBindVertexArray(pass->vertex_array);
+    glBindTextureUnit(0, pass->heights);
+    glBindTextureUnit(1, pass->surfaces);
+    glBindTextureUnit(2, pass->ground);
+    glPatchParameteri(GL_PATCH_VERTICES, 1);
+    for (unsigned i = 0; i < pass->range_count; i++)
+        glDrawArraysInstanced(GL_PATCHES, base + pass->ranges[i].first, pass->ranges[i].count,
+                              pass->instances * pass->instances);
+    *ret_facts = (struct clipmap_pass_facts){.control_points = pass->block_count,
+                                             .draws = pass->range_count,
+                                             .triangles = pass->triangles,
+                                             .upload_bytes = pass->uploaded};
+    pass->uploaded = 0;
+}

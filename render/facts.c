@@ -1,0 +1,64 @@
+#include "render/context.h"
+
+#include <epoxy/gl.h>
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define NVX_MEMORY_TOTAL     0x9048 /* GL_NVX_gpu_memory_info, kB */
+#define NVX_MEMORY_AVAILABLE 0x9049
+
+static void copy_string(char *to, size_t size, GLenum name)
+{
+    const GLubyte *text = glGetString(name);
+    snprintf(to, size, "%s", text ? (const char *)text : "unknown");
+}
+
+static void GLAPIENTRY print_debug(GLenum source, GLenum type, GLuint id, GLenum severity,
+                                   GLsizei length, const GLchar *message, const void *data)
+{
+    (void)source, (void)id, (void)length, (void)data;
+    if (severity != GL_DEBUG_SEVERITY_NOTIFICATION)
+        fprintf(stderr, "GL %s: %s\n", type == GL_DEBUG_TYPE_ERROR ? "error" : "message", message);
+}
+
+int gl_facts_gather(struct gl_facts *ret_facts, struct diag *diag)
+{
+    struct gl_facts facts = {0};
+    copy_string(facts.vendor, sizeof(facts.vendor), GL_VENDOR);
+    copy_string(facts.renderer, sizeof(facts.renderer), GL_RENDERER);
+    copy_string(facts.version, sizeof(facts.version), GL_VERSION);
+    if (epoxy_gl_version() < 45)
+        return diag_set(diag, -ENODEV, "OpenGL 4.5 is needed; %s offers %s", facts.renderer,
+                        facts.version);
+    glGetIntegerv(GL_MAX_TESS_GEN_LEVEL, &facts.max_tess_level);
+    glGetIntegerv(GL_MAX_TEXTURE_SIZE, &facts.max_texture_size);
+    glGetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &facts.max_array_layers);
+    if (facts.max_tess_level < 64)
+        return diag_set(diag, -ENODEV, "%s tessellates to %d segments an edge; 64 are needed",
+                        facts.renderer, facts.max_tess_level);
+    facts.software = strstr(facts.renderer, "llvmpipe") || strstr(facts.renderer, "softpipe") ||
+                     strstr(facts.renderer, "SWR");
+    if (epoxy_has_gl_extension("GL_NVX_gpu_memory_info")) {
+        GLint total_kib = 0;
+        glGetIntegerv(NVX_MEMORY_TOTAL, &total_kib);
+        facts.memory_total_mib = total_kib / 1024;
+    }
+    if (getenv("OTWD_GL_DEBUG")) {
+        glEnable(GL_DEBUG_OUTPUT);
+        glEnable(GL_DEBUG_OUTPUT_SYNCHRONOUS);
+        glDebugMessageCallback(print_debug, NULL);
+    }
+    *ret_facts = facts;
+    return 0;
+}
+
+int gl_memory_used_mib(const struct gl_facts *facts)
+{
+    if (facts->memory_total_mib == 0)
+        return 0;
+    GLint available_kib = 0;
+    glGetIntegerv(NVX_MEMORY_AVAILABLE, &available_kib);
+    return facts->memory_total_mib - available_kib / 1024;
+}

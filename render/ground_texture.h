@@ -1,0 +1,8 @@
+/* The tiling texture that gives the ground its detail: slopes of a fractal surface (red, green) and
+ * two independent fractal noises (blue, alpha). Made by integer hashing, the same everywhere. */
+#pragma once
+
+#include <epoxy/gl.h>
+
+/* 256 x 256 RGBA8 with mipmaps, repeating. The caller deletes it. */
+GLuint ground_texture_create(void);

@@ -1,0 +1,264 @@
+#include "render/renderer.h"
+
+#include <epoxy/gl.h>
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "geo/geographic.h"
+#include "render/clipmap_pass.h"
+#include "render/program.h"
+#include "render/scene.h"
+
+#define BUFFERED_SCENES 4
+
+struct renderer {
+    int width, height;
+    struct clipmap_shape shape;
+    struct loader *loader;
+    struct clipmap_pass *clipmap;
+    GLuint shade_program, empty_array;
+    GLuint geometry_framebuffer, depth; /* what the terrain pass draws */
+    GLuint framebuffer, colour;         /* what the shading pass draws */
+    GLuint scene_buffer;
+    char *scenes;            /* BUFFERED_SCENES blocks, persistently mapped */
+    size_t scene_stride;
+    unsigned scene;
+    GLuint time_query, triangle_query;
+    GLsync fence;
+
+    /* From the last update applied. */
+    double ground_m, undulation_m;
+    double eye_lat_deg, eye_lon_deg;
+    struct geodetic wished;
+    struct renderer_frame frame;
+};
+
+struct clipmap_shape renderer_shape(const struct terrain_facts *facts, int height_px,
+                                    double pixel_error, bool software)
+{
+    const double metres_per_degree = 111195.0, reach_m = 900e3;
+    struct clipmap_shape shape = {.n = software ? 127 : 255, .step_deg = facts->finest_lat_step_deg};
+    double cells = height_px / fmax(pixel_error, 0.25);
+    if (!software && cells > 1600)
+        shape.n = 511;
+    if (cells < 400)
+        shape.n = shape.n / 2;
+    while (shape.step_deg * metres_per_degree > 1.6)
+        shape.step_deg *= 0.5;
+    double radius_m = (shape.n - 1) / 2.0 * shape.step_deg * metres_per_degree;
+    shape.levels = 1 + (int)ceil(log2(reach_m / radius_m));
+    if (shape.levels > CLIPMAP_MAX_LEVELS)
+        shape.levels = CLIPMAP_MAX_LEVELS;
+    return shape;
+}
+
+static int create_framebuffers(struct renderer *renderer, struct diag *diag)
+{
+    int width = renderer->width, height = renderer->height;
+    glCreateTextures(GL_TEXTURE_2D, 1, &renderer->depth);
+    glTextureStorage2D(renderer->depth, 1, GL_DEPTH_COMPONENT32F, width, height);
+    glCreateFramebuffers(1, &renderer->geometry_framebuffer);
+    glNamedFramebufferTexture(renderer->geometry_framebuffer, GL_DEPTH_ATTACHMENT, renderer->depth,
+                              0);
+    glNamedFramebufferDrawBuffer(renderer->geometry_framebuffer, GL_NONE);
+    glNamedFramebufferReadBuffer(renderer->geometry_framebuffer, GL_NONE);
+    glCreateTextures(GL_TEXTURE_2D, 1, &renderer->colour);
+    glTextureStorage2D(renderer->colour, 1, GL_RGBA8, width, height);
+    glCreateFramebuffers(1, &renderer->framebuffer);
+    glNamedFramebufferTexture(renderer->framebuffer, GL_COLOR_ATTACHMENT0, renderer->colour, 0);
+    const GLuint both[] = {renderer->geometry_framebuffer, renderer->framebuffer};
+    for (int i = 0; i < 2; i++)
+        if (glCheckNamedFramebufferStatus(both[i], GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE)
+            return diag_set(diag, -EIO, "the GPU refuses a framebuffer of %d x %d pixels", width,
+                            height);
+    return 0;
+}
+
+static void create_scene_buffer(struct renderer *renderer)
+{
+    const GLbitfield flags = GL_MAP_WRITE_BIT | GL_MAP_PERSISTENT_BIT | GL_MAP_COHERENT_BIT;
+    GLint alignment = 256;
+    glGetIntegerv(GL_UNIFORM_BUFFER_OFFSET_ALIGNMENT, &alignment);
+    size_t unit = (size_t)alignment;
+    renderer->scene_stride = (sizeof(struct scene_block) + unit - 1) / unit * unit;
+    GLsizeiptr size = (GLsizeiptr)(renderer->scene_stride * BUFFERED_SCENES);
+    glCreateBuffers(1, &renderer->scene_buffer);
+    glNamedBufferStorage(renderer->scene_buffer, size, NULL, flags);
+    renderer->scenes = glMapNamedBufferRange(renderer->scene_buffer, 0, size, flags);
+}
+
+int renderer_create(const struct renderer_params *params, const struct gl_facts *facts,
+                    struct renderer **ret_renderer, struct diag *diag)
+{
+    struct renderer *renderer = calloc(1, sizeof(*renderer));
+    struct loader_params loader_params = {.shape = params->shape,
+                                          .source = params->source,
+                                          .fallback = params->fallback,
+                                          .geoid = params->geoid,
+                                          .thread = true};
+    struct loader *loader = NULL;
+    int r = loader_start(&loader_params, &loader, diag);
+    if (r == 0 && !renderer)
+        r = diag_set(diag, -ENOMEM, "no memory for the renderer");
+    if (r < 0) {
+        loader_stop(loader);
+        free(renderer);
+        return r;
+    }
+    renderer->width = params->width;
+    renderer->height = params->height;
+    renderer->shape = params->shape;
+    renderer->loader = loader;
+    r = clipmap_pass_create(&params->shape, facts, &renderer->clipmap, diag);
+    if (r == 0)
+        r = program_create(&(struct program_params){.name = "shade"}, &renderer->shade_program, diag);
+    if (r == 0)
+        r = create_framebuffers(renderer, diag);
+    if (r < 0) {
+        renderer_destroy(renderer);
+        return r;
+    }
+    create_scene_buffer(renderer);
+    glCreateVertexArrays(1, &renderer->empty_array);
+    glCreateQueries(GL_TIME_ELAPSED, 1, &renderer->time_query);
+    glCreateQueries(GL_PRIMITIVES_GENERATED, 1, &renderer->triangle_query);
+    glClipControl(GL_LOWER_LEFT, GL_ZERO_TO_ONE);
+    glDepthFunc(GL_GEQUAL);
+    glClearDepth(0.0);
+    glEnable(GL_CULL_FACE);
+    *ret_renderer = renderer;
+    return 0;
+}
+
+void renderer_destroy(struct renderer *renderer)
+{
+    if (!renderer)
+        return;
+    loader_stop(renderer->loader);
+    clipmap_pass_destroy(renderer->clipmap);
+    glDeleteProgram(renderer->shade_program);
+    glDeleteVertexArrays(1, &renderer->empty_array);
+    glDeleteFramebuffers(1, &renderer->framebuffer);
+    glDeleteFramebuffers(1, &renderer->geometry_framebuffer);
+    glDeleteTextures(1, &renderer->colour);
+    glDeleteTextures(1, &renderer->depth);
+    glDeleteBuffers(1, &renderer->scene_buffer);
+    glDeleteQueries(1, &renderer->time_query);
+    glDeleteQueries(1, &renderer->triangle_query);
+    glDeleteSync(renderer->fence);
+    free(renderer);
+}
+
+/* One level finer than will be drawn is kept ready, so that descending finds it. */
+void renderer_wish(struct renderer *renderer, const struct geodetic *eye)
+{
+    float fade;
+    int finest = clipmap_finest_level(&renderer->shape, eye->height_m - renderer->ground_m, &fade);
+    loader_wish(renderer->loader, eye->lat_deg, eye->lon_deg, finest > 0 ? finest - 1 : 0);
+    renderer->wished = *eye;
+}
+
+void renderer_wait(struct renderer *renderer)
+{
+    loader_wait(renderer->loader);
+}
+
+static void apply_updates(struct renderer *renderer)
+{
+    struct loader_update *update;
+    while ((update = loader_take(renderer->loader))) {
+        clipmap_pass_apply(renderer->clipmap, update);
+        renderer->ground_m = update->ground_m;
+        renderer->undulation_m = update->undulation_m;
+        renderer->eye_lat_deg = update->eye_lat_deg;
+        renderer->eye_lon_deg = update->eye_lon_deg;
+        loader_give_back(renderer->loader, update);
+    }
+}
+
+static void draw_terrain(struct renderer *renderer, const struct view *view,
+                         struct scene_block *scene)
+{
+    float fade;
+    int wanted = clipmap_finest_level(&renderer->shape, view->eye.height_m - renderer->ground_m,
+                                      &fade);
+    int filled = clipmap_pass_finest(renderer->clipmap);
+    int finest = wanted > filled ? wanted : filled;
+    scene_set_levels(view, &renderer->shape, clipmap_pass_layout(renderer->clipmap), finest,
+                     finest == wanted ? fade : 0.0f,
+                     (view->tan_right - view->tan_left) / renderer->width, scene);
+    struct clipmap_pass_facts facts;
+    clipmap_pass_draw(renderer->clipmap, finest, &facts);
+    renderer->frame.control_points = facts.control_points;
+    renderer->frame.upload_bytes = facts.upload_bytes;
+}
+
+void renderer_draw(struct renderer *renderer, struct view *view)
+{
+    renderer->frame = (struct renderer_frame){0};
+    glBeginQuery(GL_TIME_ELAPSED, renderer->time_query);
+    glBeginQuery(GL_PRIMITIVES_GENERATED, renderer->triangle_query);
+    apply_updates(renderer);
+    renderer->frame.complete = !loader_pending(renderer->loader);
+    renderer->frame.height_above_terrain_m = view->eye.height_m - renderer->ground_m;
+    renderer->frame.undulation_m = view->undulation_m = renderer->undulation_m;
+
+    renderer->scene = (renderer->scene + 1) % BUFFERED_SCENES;
+    size_t offset = renderer->scene * renderer->scene_stride;
+    struct scene_block *scene = (struct scene_block *)(void *)(renderer->scenes + offset);
+    scene_set_view(view, scene);
+    glBindBufferRange(GL_UNIFORM_BUFFER, 0, renderer->scene_buffer, (GLintptr)offset,
+                      sizeof(*scene));
+    glBindFramebuffer(GL_FRAMEBUFFER, renderer->geometry_framebuffer);
+    glViewport(0, 0, renderer->width, renderer->height);
+    glDepthMask(GL_TRUE);
+    glEnable(GL_DEPTH_TEST);
+    glClear(GL_DEPTH_BUFFER_BIT);
+    if (clipmap_pass_layout(renderer->clipmap))
+        draw_terrain(renderer, view, scene);
+    glEndQuery(GL_PRIMITIVES_GENERATED);
+    glBindFramebuffer(GL_FRAMEBUFFER, renderer->framebuffer);
+    glDisable(GL_DEPTH_TEST);
+    glBindTextureUnit(3, renderer->depth);
+    glUseProgram(renderer->shade_program);
+    glBindVertexArray(renderer->empty_array);
+    glDrawArrays(GL_TRIANGLES, 0, 3);
+    glEndQuery(GL_TIME_ELAPSED);
+    renderer->fence = glFenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0);
+    glFlush();
+}
+
+void renderer_finish(struct renderer *renderer, struct renderer_frame *ret_frame)
+{
+    glClientWaitSync(renderer->fence, GL_SYNC_FLUSH_COMMANDS_BIT, UINT64_C(10000000000));
+    glDeleteSync(renderer->fence);
+    renderer->fence = NULL;
+    GLuint64 elapsed_ns = 0, triangles = 0;
+    glGetQueryObjectui64v(renderer->time_query, GL_QUERY_RESULT, &elapsed_ns);
+    glGetQueryObjectui64v(renderer->triangle_query, GL_QUERY_RESULT, &triangles);
+    renderer->frame.gpu_ms = (double)elapsed_ns * 1e-6;
+    renderer->frame.triangles = triangles;
+    *ret_frame = renderer->frame;
+}
+
+unsigned renderer_framebuffer(const struct renderer *renderer)
+{
+    return renderer->framebuffer;
+}
+
+unsigned renderer_depth_framebuffer(const struct renderer *renderer)
+{
+    return renderer->geometry_framebuffer;
+}
+
+void renderer_loader_counts(const struct renderer *renderer, struct loader_counts *ret_counts)
+{
+    loader_counts(renderer->loader, ret_counts);
+}
+
+bool renderer_pending(const struct renderer *renderer)
+{
+    return loader_pending(renderer->loader);
+}

@@ -1,0 +1,64 @@
+/* One channel's picture: the terrain pass (depth alone), the shading pass over it, and what
+ * a frame cost.
+ *
+ * All calls in the thread that holds the GL context. After the first second no call of the frame
+ * path (renderer_wish, renderer_draw, renderer_finish) allocates or locks. */
+#pragma once
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "base/diag.h"
+#include "render/context.h"
+#include "render/view.h"
+#include "terrain/loader.h"
+
+struct renderer_params {
+    int width, height;
+    struct clipmap_shape shape;
+    struct terrain_source *source;   /* ownership passes, also on failure */
+    struct terrain_source *fallback; /* likewise; may be NULL */
+    struct geoid *geoid;             /* likewise; may be NULL */
+};
+
+struct renderer_frame {
+    double gpu_ms;           /* timer query around the frame's passes */
+    uint64_t triangles;      /* generated, after culling */
+    unsigned control_points; /* vertices sent by the CPU */
+    uint64_t upload_bytes;
+    bool complete;           /* the terrain drawn is that of this eye, not of an earlier one */
+    double height_above_terrain_m;
+    double undulation_m;
+};
+
+struct renderer;
+
+/* The clipmap that fits a source, a screen and a rasteriser: level 0 at about a metre on the
+ * source's own grid, n by pixels and `pixel_error` (smaller on software rasterisers), levels up to
+ * the horizon. */
+struct clipmap_shape renderer_shape(const struct terrain_facts *facts, int height_px,
+                                    double pixel_error, bool software);
+
+int renderer_create(const struct renderer_params *params, const struct gl_facts *facts,
+                    struct renderer **ret_renderer, struct diag *diag);
+void renderer_destroy(struct renderer *renderer);
+
+/* Tells the loader where the eye will be. May be called ahead of the frame. */
+void renderer_wish(struct renderer *renderer, const struct geodetic *eye);
+
+/* Waits until the terrain of the last wish is there. Not for live use. */
+void renderer_wait(struct renderer *renderer);
+
+/* Draws a frame and returns without waiting for the GPU. The view's undulation is set from the
+ * loader. */
+void renderer_draw(struct renderer *renderer, struct view *view);
+
+/* Waits until the frame is finished and says what it cost. */
+void renderer_finish(struct renderer *renderer, struct renderer_frame *ret_frame);
+
+/* The framebuffer objects that hold the finished frame and the depth that it was shaded from. */
+unsigned renderer_framebuffer(const struct renderer *renderer);
+unsigned renderer_depth_framebuffer(const struct renderer *renderer);
+
+void renderer_loader_counts(const struct renderer *renderer, struct loader_counts *ret_counts);
+bool renderer_pending(const struct renderer *renderer);

@@ -1,0 +1,147 @@
+// Shades every pixel once, from the depth that the terrain pass drew: sky where there is none, else
+// land and water from slopes, altitude and noise fixed to the ground. The cost of a frame's shading
+// is thus the same whatever the geometry.
+in vec3 ray_eye;
+
+layout(binding = 1) uniform sampler2DArray surfaces; // slope east, slope north, water, altitude km
+layout(binding = 2) uniform sampler2D ground;        // tiling: slope x, slope y, two noises
+layout(binding = 3) uniform sampler2D depths;        // near / distance along the view axis
+
+layout(location = 0) out vec4 colour;
+
+// The level that covers a place on the finest grid, and the place in its window.
+int level_at(vec2 grid, out vec2 local)
+{
+    float reach = 0.5 * scene.levels[0].fade.z - 5.0;
+    float posts = max(abs(grid.x), abs(grid.y));
+    int first = int(scene.view_rays[1].x), last = int(scene.view_rays[1].y);
+    int index = clamp(int(ceil(log2(max(posts, 1.0) / reach))), first, last);
+    for (; index < last; index++) {
+        Level level = scene.levels[index];
+        local = (grid - vec2(level.origin.xy)) * exp2(-level.fade.w);
+        vec2 inside = min(local, level.fade.z - local);
+        if (min(inside.x, inside.y) >= 0.5)
+            return index;
+    }
+    Level level = scene.levels[last];
+    local = clamp((grid - vec2(level.origin.xy)) * exp2(-level.fade.w), 0.0, level.fade.z);
+    return last;
+}
+
+vec4 surface_at(vec2 grid)
+{
+    vec2 local;
+    int index = level_at(grid, local);
+    Level level = scene.levels[index];
+    float scale = 1.0 / scene.eye_texture.z;
+    float blend = blend_at(local, level);
+    vec4 own = textureLod(surfaces, vec3((local + vec2(level.origin.zw) + 0.5) * scale, index), 0.0);
+    if (blend <= 0.0 || index == int(scene.view_rays[1].y))
+        return own;
+    vec2 half_local = 0.5 * (local + vec2(level.coarser.xy));
+    vec4 coarser = textureLod(surfaces, vec3((half_local + vec2(level.coarser.zw) + 0.5) * scale,
+                                             index + 1), 0.0);
+    return mix(own, coarser, blend);
+}
+
+vec3 land_colour(float altitude_km, float steepness, vec4 wide, vec4 near)
+{
+    float patches = wide.z * 0.6 + near.z * 0.4;
+    float moisture = smoothstep(0.35, 0.65, wide.w * 0.75 + near.w * 0.25);
+    vec3 grass = mix(vec3(0.25, 0.22, 0.10), vec3(0.12, 0.17, 0.055), moisture);
+    vec3 forest = vec3(0.035, 0.065, 0.028);
+    vec3 alpine = vec3(0.24, 0.22, 0.15);
+    vec3 rock = mix(vec3(0.20, 0.18, 0.16), vec3(0.30, 0.28, 0.26), patches);
+    vec3 snow = vec3(0.86, 0.89, 0.94);
+    float sin2 = scene.eye_trig.x * scene.eye_trig.x;
+    float tree_line = 3.6 - 3.6 * sin2;
+    float snow_line = 5.2 - 4.9 * sin2;
+    float ragged = (patches - 0.5) * 0.9;
+    float trees = smoothstep(0.48, 0.58, moisture * 0.55 + near.w * 0.45) *
+                  (1.0 - smoothstep(tree_line - 0.35, tree_line + 0.05, altitude_km + 0.5 * ragged)) *
+                  (1.0 - smoothstep(0.55, 0.85, steepness));
+    vec3 land = mix(grass, alpine, smoothstep(tree_line - 0.5, tree_line + 0.4, altitude_km + ragged));
+    land = mix(land, forest, trees);
+    land *= 0.72 + 0.56 * near.z;
+    land = mix(land, rock * (0.6 + 0.7 * near.z), smoothstep(0.42, 0.75, steepness + 0.35 * ragged));
+    float snowy = smoothstep(snow_line - 0.15, snow_line + 0.25, altitude_km + ragged) *
+                  (1.0 - smoothstep(0.75, 1.25, steepness + 0.2 * ragged));
+    land = mix(land, snow, snowy);
+    return mix(vec3(0.34, 0.30, 0.21), land, smoothstep(0.0005, 0.006, altitude_km));
+}
+
+// Power 32 by squaring.
+float power32(float x)
+{
+    x *= x;
+    x *= x;
+    x *= x;
+    x *= x;
+    return x * x;
+}
+
+vec3 water_radiance(vec3 view, vec3 normal, vec3 sun_colour, vec3 ambient)
+{
+    vec3 mirrored = reflect(view, normal);
+    mirrored.z = abs(mirrored.z);
+    float facing = 1.0 - max(dot(-view, normal), 0.0);
+    float facing2 = facing * facing;
+    float fresnel = 0.02 + 0.98 * facing2 * facing2 * facing;
+    float glint = power32(max(dot(mirrored, scene.sun.xyz), 0.0));
+    return mix(vec3(0.012, 0.045, 0.075) * (sun_colour * 0.6 + ambient), sky_colour(mirrored),
+               fresnel) + sun_colour * glint * 0.8;
+}
+
+vec3 ground_radiance(vec3 enu, vec3 view, float distance_m)
+{
+    vec2 grid = grid_from_enu(enu);
+    vec4 surface = surface_at(grid);
+    vec2 place = grid + scene.eye_texture.xy;
+    // Finest posts that a pixel covers, lengthened by half of the foreshortening.
+    float posts = distance_m * scene.view_rays[1].z * inversesqrt(clamp(-view.z, 0.02, 1.0));
+    float lod = log2(posts);
+    vec4 wide = textureLod(ground, place * (1.0 / 16384.0), lod - 6.0);
+    vec4 middle = textureLod(ground, place * (1.0 / 2048.0), lod - 3.0);
+    vec4 near = textureLod(ground, place * (1.0 / 256.0), lod);
+
+    float steepness = length(surface.xy);
+    float water = smoothstep(0.45, 0.55, surface.z);
+    vec2 bumps = (middle.xy - 0.5) * 0.5 + (near.xy - 0.5) * 0.6;
+    vec2 slope = surface.xy + bumps * (0.25 + 0.75 * min(steepness, 1.0)) * (1.0 - water);
+    slope += (near.xy - 0.5) * 0.05 * water;
+    vec3 normal = normalize(vec3(-slope, 1.0));
+
+    vec3 sun_colour = mix(vec3(1.7, 0.95, 0.5), vec3(1.85, 1.75, 1.55),
+                          clamp(scene.sun.z * 3.0, 0.0, 1.0)) * scene.sun.w;
+    vec3 ambient = vec3(0.30, 0.38, 0.50) * scene.haze.w;
+    if (water >= 1.0)
+        return water_radiance(view, normal, sun_colour, ambient);
+    float lit = max(dot(normal, scene.sun.xyz), 0.0);
+    vec3 albedo = land_colour(surface.w, steepness, mix(wide, middle, 0.35), mix(middle, near, 0.5));
+    vec3 radiance = albedo * (sun_colour * lit + ambient * (0.55 + 0.45 * normal.z));
+    if (water > 0.0)
+        radiance = mix(radiance, water_radiance(view, normal, sun_colour, ambient), water);
+    return radiance;
+}
+
+void main()
+{
+    float depth = texelFetch(depths, ivec2(gl_FragCoord.xy), 0).r;
+    vec3 ray = mat3(scene.enu_from_eye) * ray_eye;
+    float ray_length = length(ray);
+    vec3 view = ray / ray_length;
+    vec3 radiance;
+    if (depth <= 0.0) {
+        radiance = sky_colour(view);
+        float disc = smoothstep(0.99996, 0.99999, dot(view, scene.sun.xyz));
+        radiance += vec3(12.0, 10.5, 8.0) * disc * scene.sun.w;
+    } else {
+        vec3 enu = ray * (scene.view_rays[1].w / depth);
+        float distance_m = ray_length * (scene.view_rays[1].w / depth);
+        // The height difference along the line of sight, the Earth's curvature included.
+        float rise_m = enu.z + dot(enu.xy, enu.xy) * (0.5 / 6.371e6);
+        float clear = transmittance(distance_m, rise_m);
+        radiance = mix(sky_colour(vec3(view.xy, 0.0)), ground_radiance(enu, view, distance_m), clear);
+    }
+    colour = vec4(displayed(radiance), 1.0);
+}

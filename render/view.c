@@ -1,0 +1,51 @@
+#include "render/view.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "geo/frames.h"
+#include "geo/geographic.h"
+
+static void multiply(const double a[3][3], const double b[3][3], double ret[3][3])
+{
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++)
+            ret[i][j] = a[i][0] * b[0][j] + a[i][1] * b[1][j] + a[i][2] * b[2][j];
+}
+
+void view_from_pose(const struct pose *pose, const struct channel_geometry *geometry,
+                    struct view *ret_view)
+{
+    struct view view = {.eye = pose->position};
+    double ned_from_body[3][3], body_from_view[3][3], ned_from_view[3][3];
+    ned_matrix_from_attitude(&pose->attitude, ned_from_body);
+    if (geometry->offset_m[0] != 0.0 || geometry->offset_m[1] != 0.0 ||
+        geometry->offset_m[2] != 0.0) {
+        double ned[3];
+        for (int i = 0; i < 3; i++)
+            ned[i] = ned_from_body[i][0] * geometry->offset_m[0] +
+                     ned_from_body[i][1] * geometry->offset_m[1] +
+                     ned_from_body[i][2] * geometry->offset_m[2];
+        const double enu[3] = {ned[1], ned[0], -ned[2]};
+        geodetic_from_enu(&pose->position, enu, &view.eye);
+    }
+    struct attitude direction = {.roll_deg = geometry->roll_deg,
+                                 .pitch_deg = geometry->pitch_deg,
+                                 .heading_deg = geometry->yaw_deg};
+    ned_matrix_from_attitude(&direction, body_from_view);
+    multiply(ned_from_body, body_from_view, ned_from_view);
+    /* The view's forward, right, down axes in NED -> right, up, back in ENU. */
+    static const int enu_row_of_ned[3] = {1, 0, 2};
+    static const double enu_sign[3] = {1.0, 1.0, -1.0};
+    for (int i = 0; i < 3; i++) {
+        const double *row = ned_from_view[enu_row_of_ned[i]];
+        view.enu_from_eye[i][0] = enu_sign[i] * row[1];
+        view.enu_from_eye[i][1] = -enu_sign[i] * row[2];
+        view.enu_from_eye[i][2] = -enu_sign[i] * row[0];
+    }
+    view.tan_left = tan(geometry->left_deg * M_PI / 180.0);
+    view.tan_right = tan(geometry->right_deg * M_PI / 180.0);
+    view.tan_bottom = tan(geometry->bottom_deg * M_PI / 180.0);
+    view.tan_top = tan(geometry->top_deg * M_PI / 180.0);
+    *ret_view = view;
+}

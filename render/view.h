@@ -1,0 +1,27 @@
+/* From where, in which direction and through what air a frame is seen. */
+#pragma once
+
+#include "geo/pose.h"
+
+struct view {
+    struct geodetic eye;
+    double enu_from_eye[3][3]; /* columns: right, up, back (x, y, z of the GL eye frame) in ENU */
+    /* Tangents of the frustum's half-angles from the view direction; off-axis allowed. */
+    double tan_left, tan_right, tan_bottom, tan_top;
+    double near_m;
+    double visibility_m;  /* meteorological: where contrast falls to 2 % (Koschmieder) */
+    double sun_enu[3];    /* unit vector to the sun at the eye */
+    double undulation_m;  /* of the geoid below the eye */
+};
+
+/* The channel's place and direction in the aircraft (product configuration: channel). */
+struct channel_geometry {
+    double offset_m[3]; /* eyepoint in body axes: forward, right, down */
+    double yaw_deg, pitch_deg, roll_deg; /* of the view direction against the body axes */
+    double left_deg, right_deg, bottom_deg, top_deg;
+};
+
+/* The view from an aircraft at `pose`: eyepoint, axes and frustum; near, air, sun and undulation
+ * are left to the caller. */
+void view_from_pose(const struct pose *pose, const struct channel_geometry *geometry,
+                    struct view *ret_view);

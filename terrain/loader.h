@@ -1,0 +1,94 @@
+/* Keeps a clipmap filled: a thread that samples the terrain and hands the renderer whole updates.
+ *
+ * The render thread says where the eye is (a wish) and takes an update when one is ready; each
+ * update moves all windows at once, so what is drawn is always consistent. At most LOADER_UPDATES
+ * are under way; the loader works from the newest wish.
+ *
+ * The loader owns the terrain source and the geoid while it runs. */
+#pragma once
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "base/diag.h"
+#include "terrain/clipmap.h"
+#include "terrain/source.h"
+
+#define LOADER_UPDATES    3
+#define LOADER_MAX_STRIPS (3 * CLIPMAP_MAX_LEVELS)
+
+/* A post as the heights texture holds it: metres above the ellipsoid, this level's own and what the
+ * next coarser level has at the same place (linear between its posts). */
+struct loader_height {
+    float own_m, coarser_m;
+};
+
+/* A post as the surface texture holds it, IEEE half floats. */
+struct loader_surface {
+    uint16_t slope_east, slope_north; /* metres a metre */
+    uint16_t water;                   /* 0 land .. 1 water */
+    uint16_t altitude;                /* above the geoid, km */
+};
+
+/* A rectangle of posts to be copied into a level's toroidal storage. Its posts lie row-major at
+ * `offset` in the update's arrays. */
+struct loader_strip {
+    int level;
+    struct clipmap_rect rect;
+    size_t offset;
+};
+
+struct loader_bounds {
+    float min_m, max_m; /* both heights of every post of the block, above the ellipsoid */
+};
+
+struct loader_update {
+    struct clipmap_layout layout;
+    int finest;                /* the finest level that is filled */
+    double eye_lat_deg, eye_lon_deg; /* the wish that it answers */
+    float ground_m;            /* ellipsoidal height of the ground below that eye */
+    float undulation_m;        /* of the geoid there */
+    unsigned strip_count;
+    struct loader_strip strips[LOADER_MAX_STRIPS];
+    struct loader_height *heights;   /* staging, owned by the loader */
+    struct loader_surface *surfaces;
+    size_t posts;                    /* used in both arrays */
+    /* By row and column of the 8 x 8 cell squares of each level, from the window's origin. */
+    struct loader_bounds *bounds;    /* [levels][side][side], owned by the loader */
+};
+
+struct loader_params {
+    struct clipmap_shape shape;
+    struct terrain_source *source;   /* heights above the geoid; ownership passes */
+    struct terrain_source *fallback; /* used where `source` has none; may be NULL; ownership passes */
+    struct geoid *geoid;             /* NULL: undulation 0 everywhere; ownership passes */
+    bool thread;                     /* false: loader_wait does the work in the caller (tests) */
+};
+
+struct loader;
+
+/* Starts the thread. On failure everything whose ownership passes is destroyed. */
+int loader_start(const struct loader_params *params, struct loader **ret_loader,
+                 struct diag *diag);
+/* Legal on NULL. */
+void loader_stop(struct loader *loader);
+
+/* Says where the eye is and which level will be the finest. Render thread; no lock. */
+void loader_wish(struct loader *loader, double lat_deg, double lon_deg, int finest);
+
+/* The next update, or NULL where none is ready. It stays the caller's until given back. */
+struct loader_update *loader_take(struct loader *loader);
+void loader_give_back(struct loader *loader, struct loader_update *update);
+
+/* Waits until the last wish has been answered; updates that arrive meanwhile are ready to take.
+ * For runs in which every frame has to be complete. */
+void loader_wait(struct loader *loader);
+
+/* True while a wish is not yet answered. */
+bool loader_pending(const struct loader *loader);
+
+struct loader_counts {
+    uint64_t tiles_loaded, read_errors, posts_sampled, updates;
+};
+void loader_counts(const struct loader *loader, struct loader_counts *ret_counts);
