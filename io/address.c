@@ -64,8 +64,7 @@ socklen_t address_length(const union address *address)
 
 uint16_t address_port(const union address *address)
 {
-    return ntohs(address->any.sa_family == AF_INET6 ? address->v6.sin6_port
-                                                    : address->v4.sin_port);
+    return ntohs(address->any.sa_family == AF_INET6 ? address->v6.sin6_port : address->v4.sin_port);
 }
 
 void address_format(const union address *address, char ret_text[ADDRESS_TEXT_MAX])

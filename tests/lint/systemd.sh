@@ -1,6 +1,4 @@
-    if ! verdict=$(systemd-analyze verify "$unit" 2>&1) || [ -n "$verdict" ]; then
-        complain "$name: $verdict"
-    fi#!/bin/sh
+#!/bin/sh
 # The units parse, and expose no more than they must. $2... are the configured unit files.
 . "$(dirname "$0")/common.sh"
 
@@ -16,8 +14,9 @@ for unit in "$@"; do
 done
 for unit in "$units"/*; do
     name=${unit##*/}
-    verdict=$(systemd-analyze verify "$unit" 2>&1) && [ -z "$verdict" ] ||
+    if ! verdict=$(systemd-analyze verify "$unit" 2>&1) || [ -n "$verdict" ]; then
         complain "$name: $verdict"
+    fi
     level=$(systemd-analyze security --offline=true "$unit" |
         sed -n 's/.*exposure level for [^:]*: \([0-9.]*\).*/\1/p')
     echo "$name: exposure $level"
