@@ -358,6 +358,36 @@ static void a_file_that_cannot_be_read_says_so(void)
     config_errors_finish(&errors);
 }
 
+static void no_damaged_file_gets_past_without_a_complaint_or_a_configuration(void)
+{
+    char path[1024], original[4096];
+    uint32_t state = 1;
+    snprintf(path, sizeof(path), "%s/full.yaml", getenv("OTWD_CONFIG_EXAMPLES"));
+    FILE *file = fopen(path, "r");
+    CHECK(file != NULL);
+    size_t size = file ? fread(original, 1, sizeof(original), file) : 0;
+    fclose(file);
+    unsigned loaded = 0, refused = 0;
+    for (unsigned i = 0; i < 1000; i++) {
+        char text[sizeof(original)];
+        memcpy(text, original, size);
+        for (unsigned k = 0; k < 1 + i % 3; k++) {
+            state = state * 1664525u + 1013904223u;
+            text[(state >> 8) % size] = " :-[]{}&*\"#\n\t0a\xff"[state >> 28];
+        }
+        struct config config = {0};
+        struct config_errors errors = {0};
+        write_file(text, size);
+        int r = config_load(file_path, &config, &errors);
+        loaded += r == 0 && errors.count == 0;
+        refused += r == -EBADMSG && errors.count > 0;
+        config_finish(&config);
+        config_errors_finish(&errors);
+    }
+    CHECK_INT(loaded + refused, 1000);
+    CHECK(loaded > 10 && refused > 10);
+}
+
 int main(void)
 {
     int fd = mkstemp(file_path);
@@ -384,6 +414,8 @@ int main(void)
         {"all errors are reported in the order of the file",
          all_errors_are_reported_in_the_order_of_the_file},
         {"a flood of errors is cut and counted", a_flood_of_errors_is_cut_and_counted},
+        {"no damaged file gets past without a complaint or a configuration",
+         no_damaged_file_gets_past_without_a_complaint_or_a_configuration},
         {"a file that cannot be read says so", a_file_that_cannot_be_read_says_so},
     };
     int status = CHECK_MAIN(tests);
