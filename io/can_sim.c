@@ -155,7 +155,7 @@ static int sim_receive(struct can_bus *bus, struct can_frame *ret_frame, nsec_t 
     for (;;) {
         struct can_frame frame;
         int r = self->listener >= 0 ? hub_receive(self, &frame) : read_frame(bus->fd, &frame);
-        if (r == -EPIPE)
+        if (r == -EPIPE || r == -ECONNRESET)
             return -ENETDOWN;
         if (r <= 0)
             return r;

@@ -37,7 +37,8 @@ static unsigned take_digits(const char **at, unsigned max, int64_t *ret_value)
 static bool take_time(const char **at, nsec_t *ret_time_ns)
 {
     int64_t seconds, fraction = 0;
-    if (*(*at)++ != '(' || take_digits(at, 10, &seconds) == 0)
+    if (*(*at)++ != '(' || take_digits(at, 10, &seconds) == 0 ||
+        seconds > UINT32_MAX) /* the year 2106; also keeps nanoseconds within 64 bits */
         return false;
     unsigned digits = 0;
     if (**at == '.') {

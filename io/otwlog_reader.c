@@ -72,7 +72,8 @@ int otwlog_pose_decode(const struct otwlog_record *record, struct pose *ret_pose
         pose.velocity_ned_mps[i] = read_f64le(&in);
     for (int i = 0; i < 3; i++)
         pose.rates_body_dps[i] = read_f64le(&in);
-    if (in.overrun || !(pose.valid & POSE_POSITION) || !pose_is_sane(&pose))
+    bool time_ok = pose.time_ns >= 0 && pose.time_ns < INT64_MAX / 2;
+    if (in.overrun || !time_ok || !(pose.valid & POSE_POSITION) || !pose_is_sane(&pose))
         return -EBADMSG;
     *ret_pose = pose;
     return 0;

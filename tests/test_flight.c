@@ -380,8 +380,16 @@ static void a_recording_comes_back_as_it_was(void)
     CHECK_INT(flight->count, 100);
     for (int i = 0; i < 100; i++) {
         struct pose expected = pose_number(i);
-        expected.time_ns = expected.receive_ns = i * 10 * NSEC_PER_MSEC;
-        CHECK(memcmp(&expected, &flight->poses[i], sizeof(expected)) == 0);
+        const struct pose *actual = &flight->poses[i];
+        CHECK_INT(actual->time_ns, i * 10 * NSEC_PER_MSEC);
+        CHECK_INT(actual->receive_ns, i * 10 * NSEC_PER_MSEC);
+        CHECK_INT(actual->valid, expected.valid);
+        CHECK(memcmp(&expected.position, &actual->position, sizeof(expected.position)) == 0);
+        CHECK(memcmp(&expected.attitude, &actual->attitude, sizeof(expected.attitude)) == 0);
+        for (int k = 0; k < 3; k++) {
+            CHECK_NEAR(actual->velocity_ned_mps[k], 4 + k, 0.0);
+            CHECK_NEAR(actual->rates_body_dps[k], 7 + k, 0.0);
+        }
     }
     flight_destroy(flight);
     unlink(path);
