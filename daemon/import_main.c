@@ -202,11 +202,12 @@ static bool on_progress(void *user, enum import_phase phase, const char *name, u
 {
     struct display *display = user;
     nsec_t now_ns = clock_monotonic_ns();
-    if (phase != display->phase || strncmp(name, display->name, sizeof(display->name) - 1) != 0) {
+    if (phase != display->phase ||
+        (display->name[0] && strncmp(name, display->name, sizeof(display->name) - 1) != 0)) {
         display->phase = phase;
         display->began_ns = now_ns;
-        snprintf(display->name, sizeof(display->name), "%s", name);
     }
+    snprintf(display->name, sizeof(display->name), "%s", name);
     if (!display->quiet && (done >= total || now_ns - display->shown_ns > 100 * NSEC_PER_MSEC)) {
         show(display, name, done, total);
         display->shown_ns = now_ns;
@@ -291,7 +292,9 @@ int main(int argc, char **argv)
     int r = parse_arguments(argc, argv, &arguments);
     if (r != 0 || arguments.done)
         return r;
-    struct display display = {.quiet = arguments.quiet, .terminal = isatty(STDERR_FILENO)};
+    struct display display = {.quiet = arguments.quiet,
+                              .terminal = isatty(STDERR_FILENO),
+                              .began_ns = clock_monotonic_ns()};
     arguments.import.progress = on_progress;
     arguments.import.user = &display;
     signal(SIGINT, on_signal);

@@ -200,10 +200,7 @@ struct pyramid_progress {
 static int build_level(struct database *database, struct family *families, int level, unsigned jobs,
                        struct pyramid_progress *progress, struct diag *diag)
 {
-    int64_t stale = 0;
-    int r =
-        count_query(database, "SELECT count(*) FROM stale WHERE level = ?1", level, &stale, diag);
-    progress->total += r == 0 ? (uint64_t)stale : 0;
+    int r = 0;
     while (r == 0) {
         struct tile_id ids[BATCH];
         struct batch batch = {.database = database, .families = families};
@@ -219,6 +216,8 @@ static int build_level(struct database *database, struct family *families, int l
         if (r == 0)
             r = store_batch(database, families, count, diag);
         progress->done += (uint64_t)count;
+        if (progress->total <= progress->done)
+            progress->total = progress->done + 1;
         if (r == 0 && progress->function &&
             progress->function(progress->user, progress->done, progress->total))
             r = diag_set(diag, -ECANCELED, "%s: interrupted", database->path);
@@ -231,7 +230,11 @@ int database_build_pyramid(struct database *database, unsigned jobs,
 {
     struct pyramid_progress progress = {.function = function, .user = user};
     struct family *families = malloc(BATCH * sizeof(*families));
+    int64_t stale = 0;
     int r = families ? 0 : -ENOMEM;
+    if (r == 0)
+        r = count_query(database, "SELECT count(*) FROM stale WHERE level >= ?1", 1, &stale, diag);
+    progress.total = (uint64_t)stale * 4 / 3 + 1; /* each level has a quarter of the one below */
     for (int level = 1; r == 0 && level <= database->grid.top_level; level++) {
         int64_t below = 0;
         r = count_query(database, "SELECT count(*) FROM tiles WHERE level = ?1", level - 1, &below,
@@ -244,5 +247,7 @@ int database_build_pyramid(struct database *database, unsigned jobs,
             r = build_level(database, families, level, jobs, &progress, diag);
     }
     free(families);
+    if (r == 0 && function)
+        function(user, progress.total, progress.total);
     return r;
 }

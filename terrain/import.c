@@ -202,6 +202,8 @@ static int run(struct import_job *job, struct diag *diag)
     if (r == 0 && !exists) {
         struct database_params fresh = {posts, params->max_error_m ? *params->max_error_m : 0.5};
         r = database_create(params->database, &fresh, &job->database, diag);
+        if (r == -ENOENT || r == -EACCES)
+            r = -EIO; /* not a source that is missing */
     }
     if (r < 0)
         return r;

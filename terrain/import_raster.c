@@ -332,7 +332,6 @@ bool raster_is_exact(const struct raster *raster, const struct grid *grid)
         int32_t row = (int32_t)floor(lat_deg * grid->posts_per_degree / TILE_CELLS);
         int32_t to_pole = grid_tile_rows_to_pole(grid, 0);
         row = row >= to_pole ? to_pole - 1 : row < -to_pole ? -to_pole : row;
-        /* Near the poles the grid is sparser than any global raster: that is no loss. */
         double cell =
             grid_lon_step_deg(grid, 0,
                               fabs(lat_deg) > 85.0 && facts->east_deg - facts->west_deg > 350.0
