@@ -1,6 +1,5 @@
 #include "daemon/channel.h"
 
-#include <epoxy/gl.h>
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>

@@ -5,7 +5,6 @@
 #include "daemon/replay.h"
 #include "daemon/status.h"
 
-int run_main(int argc, char **argv);
 int import_main(int argc, char **argv);
 int info_main(int argc, char **argv);
 int verify_main(int argc, char **argv);

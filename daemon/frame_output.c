@@ -1,6 +1,5 @@
 #include "daemon/frame_output.h"
 
-#include <epoxy/gl.h>
 #include <errno.h>
 #include <pthread.h>
 #include <semaphore.h>
@@ -214,14 +213,11 @@ void frame_output_take(struct frame_output *output, struct renderer *renderer, u
         ;
     if (!pictured(output, frame) && !in_report(output, frame) && !output->video)
         return;
-    glBindFramebuffer(GL_READ_FRAMEBUFFER, renderer_framebuffer(renderer));
-    while (!readback_start(output->colour, frame))
+    while (!readback_start(output->colour, renderer_framebuffer(renderer), frame))
         pass_on(output, true);
     output->views[output->started++ % READBACK_SLOTS] = *view;
-    if (output->depth && pictured(output, frame)) {
-        glBindFramebuffer(GL_READ_FRAMEBUFFER, renderer_depth_framebuffer(renderer));
-        readback_start(output->depth, frame);
-    }
+    if (output->depth && pictured(output, frame))
+        readback_start(output->depth, renderer_depth_framebuffer(renderer), frame);
 }
 
 int frame_output_close(struct frame_output *output, struct diag *diag)

@@ -1,6 +1,7 @@
 #include "render/geo_pixels.h"
 
 #include <math.h>
+#include <stddef.h>
 
 #include "geo/geographic.h"
 

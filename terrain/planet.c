@@ -1,0 +1,272 @@
+#include "terrain/planet.h"
+
+#include "terrain/planet_grid.h"
+#include "terrain/planet_noise.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdbool.h>
+#include <stdlib.h>
+
+#define FINEST_STEP_DEG (1.0 / (PLANET_CELLS_PER_DEG * 8192))
+
+/* Height of the first octave's noise over the relief about it, and where there is none. */
+#define NOISE_PER_RELIEF 1.9f
+#define NOISE_LEAST_M    1.5f
+
+/* Relief from which hills turn into ridges, and where they are nothing else. */
+#define RIDGES_FROM_M 20.0f
+#define RIDGES_ALL_M  120.0f
+
+/* Half of the width in which the noise of one band of latitude fades into the next. */
+#define BAND_FADE_DEG 0.5
+#define POLE_FADE_DEG 1.0
+
+struct planet {
+    struct terrain_source source; /* first */
+    struct planet_grid grid;
+    struct planet_patch height_patch, relief_patch, mip_patches[PLANET_MIPS];
+};
+
+/* What all posts of a row have in common. */
+struct row {
+    double y_cells;
+    int band[2];
+    float share[2]; /* of the two bands; the second is 0 away from the borders */
+    float pole;     /* 1, falling to 0 at the poles, where all longitudes meet */
+};
+
+static double smoothstep(double from, double to, double at)
+{
+    double t = (at - from) / (to - from);
+    t = t < 0.0 ? 0.0 : t > 1.0 ? 1.0 : t;
+    return t * t * (3.0 - 2.0 * t);
+}
+
+static struct row row_at(double y_cells)
+{
+    double top = PLANET_ROWS - 1;
+    double y = y_cells < 0.0 ? 0.0 : y_cells > top ? top : y_cells;
+    double lat_deg = fabs(y / PLANET_CELLS_PER_DEG - 90.0);
+    struct row row = {.y_cells = y, .share = {1.0f, 0.0f}};
+    for (int i = 1; i < PLANET_NOISE_BANDS; i++) {
+        double border = planet_noise_bands[i].from_deg;
+        if (lat_deg >= border + BAND_FADE_DEG) {
+            row.band[0] = i;
+        } else if (lat_deg > border - BAND_FADE_DEG) {
+            float t = (float)smoothstep(border - BAND_FADE_DEG, border + BAND_FADE_DEG, lat_deg);
+            /* Two unlike noises of these shares are as rough as one. */
+            float length = sqrtf(t * t + (1.0f - t) * (1.0f - t));
+            row.share[0] = (1.0f - t) / length;
+            row.share[1] = t / length;
+            row.band[1] = i;
+        }
+    }
+    row.pole = (float)smoothstep(0.0, POLE_FADE_DEG, 90.0 - lat_deg);
+    return row;
+}
+
+/* A step in cells. Steps of a power of two times 5 minutes, which levels have, become exact, so
+ * that posts that levels share, and posts a whole turn apart, fall on the same bits. */
+static double cells_from_step(double step_deg)
+{
+    double cells = step_deg * PLANET_CELLS_PER_DEG, fine = cells * 65536.0;
+    double whole = nearbyint(fine);
+    return whole >= 1.0 && fabs(fine - whole) < 1e-9 * fine ? whole / 65536.0 : cells;
+}
+
+/* 0 <= result < PLANET_COLS */
+static double wrapped_cells(double x)
+{
+    double wrapped = x - floor(x / PLANET_COLS) * PLANET_COLS;
+    return wrapped < PLANET_COLS ? wrapped : 0.0;
+}
+
+struct noise_sum {
+    float ridged[PLANET_NOISE_POSTS], rolling[PLANET_NOISE_POSTS];
+    float bend_x[PLANET_NOISE_POSTS], bend_y[PLANET_NOISE_POSTS];
+};
+
+static void add_band(const double *x_cells, int count, const struct row *row, int which,
+                     double spacing_y, double spacing_x, struct noise_sum *sum)
+{
+    double narrow = planet_noise_bands[row->band[which]].shrink, x[PLANET_NOISE_POSTS];
+    float share = row->share[which], bend = share * row->pole, wide = (float)(1.0 / narrow);
+    for (int j = 0; j < count; j++)
+        x[j] = x_cells[j] * narrow;
+    double spacing = spacing_x * narrow > spacing_y ? spacing_x * narrow : spacing_y;
+    struct planet_noise_filter filter = planet_noise_filter_for(spacing);
+    struct planet_noise noise;
+    planet_noise_row(x, row->y_cells, count, row->band[which], &filter, &noise);
+    for (int j = 0; j < count; j++) {
+        sum->ridged[j] += share * noise.ridged[j];
+        sum->rolling[j] += share * noise.rolling[j];
+        sum->bend_x[j] += bend * wide * noise.bend_x[j];
+        sum->bend_y[j] += bend * noise.bend_y[j];
+    }
+}
+
+/* How strong the noise may be over a coarse height: so strong as the relief has it inland, but not
+ * so strong that it drowns low land or lifts the sea's floor out of the water. */
+static float noise_height_m(float coarse_m, float relief_m, float pole)
+{
+    float full_m = NOISE_PER_RELIEF * relief_m + NOISE_LEAST_M;
+    float room_m = 2.0f + 0.1f * full_m + (coarse_m > 0.0f ? coarse_m : -0.7f * coarse_m);
+    return pole * full_m * room_m / (room_m + 0.6f * full_m);
+}
+
+static float post_height_m(struct planet *p, const struct row *row, double x_cells,
+                           const struct noise_sum *noise, int j)
+{
+    double x = wrapped_cells(x_cells + (double)noise->bend_x[j]);
+    double y = row->y_cells + (double)noise->bend_y[j];
+    float coarse_m = planet_raster_interpolate(&p->grid.height_m[0], x, y, &p->height_patch);
+    float relief_m = planet_raster_interpolate(&p->grid.relief, x, y, &p->relief_patch) *
+                     (1.0f / PLANET_RELIEF_PER_M);
+    relief_m = relief_m > 0.0f ? relief_m : 0.0f;
+    float ridges = (float)smoothstep(RIDGES_FROM_M, RIDGES_ALL_M, relief_m);
+    float shape = noise->rolling[j] + ridges * (noise->ridged[j] - noise->rolling[j]);
+    float height_m = coarse_m + noise_height_m(coarse_m, relief_m, row->pole) * shape;
+    return height_m > 0.0f ? height_m : 0.0f;
+}
+
+/* True where neither the grid nor the noise can raise land: no land within two cells. */
+static bool open_sea(const struct planet *p, double x_cells, double y_cells)
+{
+    const struct planet_raster *heights = &p->grid.height_m[0], *relief = &p->grid.relief;
+    int col = (int)x_cells, row = (int)y_cells;
+    if (heights->posts[(size_t)row * PLANET_COLS + (size_t)col] >= 0)
+        return false;
+    int west = col / 2, south = row / 2;
+    int east = west + 1 < relief->cols ? west + 1 : 0,
+        north = south + 1 < relief->rows ? south + 1 : south;
+    const int16_t *s = relief->posts + (size_t)south * (size_t)relief->cols;
+    const int16_t *n = relief->posts + (size_t)north * (size_t)relief->cols;
+    return !(s[west] | s[east] | n[west] | n[east]);
+}
+
+static void sample_fine(struct planet *p, const struct row *row, const double *x_cells, int count,
+                        double spacing_y, double spacing_x, float *ret_height_m)
+{
+    int sea = 0;
+    while (sea < count && open_sea(p, x_cells[sea], row->y_cells))
+        ret_height_m[sea++] = 0.0f;
+    if (sea == count)
+        return;
+    struct noise_sum sum;
+    for (int j = 0; j < count; j++)
+        sum.ridged[j] = sum.rolling[j] = sum.bend_x[j] = sum.bend_y[j] = 0.0f;
+    for (int i = 0; i < 2; i++)
+        if (row->share[i] > 0.0f)
+            add_band(x_cells, count, row, i, spacing_y, spacing_x, &sum);
+    for (int j = 0; j < count; j++)
+        ret_height_m[j] = post_height_m(p, row, x_cells[j], &sum, j);
+}
+
+/* Grids coarser than the planet's own: no noise, an averaged raster. */
+static void sample_coarse(struct planet *p, const struct row *row, const double *x_cells, int count,
+                          int mip, float *ret_height_m)
+{
+    for (int j = 0; j < count; j++) {
+        float height_m = planet_raster_interpolate(&p->grid.height_m[mip], x_cells[j], row->y_cells,
+                                                   &p->mip_patches[mip]);
+        ret_height_m[j] = height_m > 0.0f ? height_m : 0.0f;
+    }
+}
+
+static int mip_for(double spacing_cells)
+{
+    int mip = 0;
+    while (mip < PLANET_MIPS - 1 && spacing_cells >= (double)(2 << mip))
+        mip++;
+    return mip;
+}
+
+static int planet_sample_grid(struct terrain_source *source, const struct terrain_grid *grid,
+                              float *ret_height_m)
+{
+    struct planet *p = (struct planet *)source;
+    double step_y = cells_from_step(grid->lat_step_deg),
+           step_x = cells_from_step(grid->lon_step_deg);
+    if (!(step_y > 0.0) || !(step_x > 0.0) || !isfinite(step_y) || !isfinite(step_x))
+        return -EINVAL;
+    int mip = mip_for(step_y);
+    for (int r = 0; r < grid->rows; r++) {
+        struct row row = row_at((double)(grid->row0 + r) * step_y + 90 * PLANET_CELLS_PER_DEG);
+        float *heights_m = ret_height_m + (size_t)r * (size_t)grid->cols;
+        for (int c = 0; c < grid->cols; c += PLANET_NOISE_POSTS) {
+            double x[PLANET_NOISE_POSTS];
+            int count = grid->cols - c < PLANET_NOISE_POSTS ? grid->cols - c : PLANET_NOISE_POSTS;
+            for (int j = 0; j < count; j++)
+                x[j] = wrapped_cells((double)(grid->col0 + c + j) * step_x +
+                                     180 * PLANET_CELLS_PER_DEG);
+            if (mip > 0)
+                sample_coarse(p, &row, x, count, mip, heights_m + c);
+            else
+                sample_fine(p, &row, x, count, step_y, step_x, heights_m + c);
+        }
+    }
+    return 0;
+}
+
+static int planet_sample_point(struct terrain_source *source, double lat_deg, double lon_deg,
+                               double *ret_height_m)
+{
+    if (!(fabs(lat_deg) <= 90.0) || !(fabs(lon_deg) <= 1e6))
+        return -EINVAL;
+    double y = lat_deg / FINEST_STEP_DEG, x = lon_deg / FINEST_STEP_DEG;
+    double row = floor(y), col = floor(x), v = y - row, u = x - col;
+    const struct terrain_grid grid = {
+        FINEST_STEP_DEG, FINEST_STEP_DEG, (int64_t)row, (int64_t)col, 2, 2};
+    float h[4];
+    int r = planet_sample_grid(source, &grid, h);
+    if (r == 0)
+        *ret_height_m = (1.0 - v) * ((1.0 - u) * (double)h[0] + u * (double)h[1]) +
+                        v * ((1.0 - u) * (double)h[2] + u * (double)h[3]);
+    return r;
+}
+
+static void planet_facts(const struct terrain_source *source, struct terrain_facts *ret_facts)
+{
+    (void)source;
+    *ret_facts = (struct terrain_facts){
+        .finest_lat_step_deg = FINEST_STEP_DEG,
+        .finest_lon_step_deg = FINEST_STEP_DEG,
+        .south_deg = -90.0,
+        .west_deg = -180.0,
+        .north_deg = 90.0,
+        .east_deg = 180.0,
+        .name = "embedded planet",
+    };
+}
+
+static void planet_destroy(struct terrain_source *source)
+{
+    struct planet *p = (struct planet *)source;
+    planet_grid_finish(&p->grid);
+    free(p);
+}
+
+int planet_open(struct terrain_source **ret, struct diag *diag)
+{
+    static const struct terrain_source_ops ops = {
+        .sample_grid = planet_sample_grid,
+        .sample_point = planet_sample_point,
+        .facts = planet_facts,
+        .destroy = planet_destroy,
+    };
+    struct planet *p = calloc(1, sizeof(*p));
+    if (!p)
+        return diag_set(diag, -ENOMEM, "embedded planet: out of memory");
+    int r = planet_grid_init(&p->grid, diag);
+    if (r < 0) {
+        free(p);
+        return r;
+    }
+    p->source.ops = &ops;
+    p->height_patch = p->relief_patch = PLANET_PATCH_EMPTY;
+    for (int i = 0; i < PLANET_MIPS; i++)
+        p->mip_patches[i] = PLANET_PATCH_EMPTY;
+    *ret = &p->source;
+    return 0;
+}
