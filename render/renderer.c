@@ -12,6 +12,7 @@
 #include "render/scene.h"
 
 #define BUFFERED_SCENES 4
+#define WAIT_MAX_NS     UINT64_C(10000000000)
 
 struct renderer {
     int width, height;
@@ -178,6 +179,25 @@ static void apply_updates(struct renderer *renderer)
     }
 }
 
+/* Whether the windows that are drawn are those that this eye asks for. */
+static bool is_complete(const struct renderer *renderer, const struct geodetic *eye)
+{
+    const struct clipmap_shape *shape = &renderer->shape;
+    const struct clipmap_layout *drawn = clipmap_pass_layout(renderer->clipmap);
+    if (!drawn)
+        return false;
+    float fade;
+    int wanted = clipmap_finest_level(shape, eye->height_m - renderer->ground_m, &fade);
+    double centre_deg = (drawn->windows[0].col0 + shape->n / 2.0) * shape->step_deg *
+                        drawn->lon_factor;
+    struct clipmap_layout layout;
+    clipmap_place(shape, eye->lat_deg, longitude_unwrapped_deg(eye->lon_deg, centre_deg),
+                  clipmap_lon_factor(eye->lat_deg, drawn->lon_factor), &layout);
+    return clipmap_pass_finest(renderer->clipmap) <= wanted &&
+           layout.lon_factor == drawn->lon_factor &&
+           memcmp(layout.windows, drawn->windows, sizeof(layout.windows)) == 0;
+}
+
 static void draw_terrain(struct renderer *renderer, const struct view *view,
                          struct scene_block *scene)
 {
@@ -201,7 +221,7 @@ void renderer_draw(struct renderer *renderer, struct view *view)
     glBeginQuery(GL_TIME_ELAPSED, renderer->time_query);
     glBeginQuery(GL_PRIMITIVES_GENERATED, renderer->triangle_query);
     apply_updates(renderer);
-    renderer->frame.complete = !loader_pending(renderer->loader);
+    renderer->frame.complete = is_complete(renderer, &view->eye);
     renderer->frame.height_above_terrain_m = view->eye.height_m - renderer->ground_m;
     renderer->frame.undulation_m = view->undulation_m = renderer->undulation_m;
 
@@ -232,9 +252,16 @@ void renderer_draw(struct renderer *renderer, struct view *view)
 
 void renderer_finish(struct renderer *renderer, struct renderer_frame *ret_frame)
 {
-    glClientWaitSync(renderer->fence, GL_SYNC_FLUSH_COMMANDS_BIT, UINT64_C(10000000000));
+    GLenum done = glClientWaitSync(renderer->fence, GL_SYNC_FLUSH_COMMANDS_BIT, WAIT_MAX_NS);
     glDeleteSync(renderer->fence);
     renderer->fence = NULL;
+    renderer->frame.failed = done == GL_TIMEOUT_EXPIRED || done == GL_WAIT_FAILED ||
+                             glGetGraphicsResetStatus() != GL_NO_ERROR ||
+                             glGetError() == GL_OUT_OF_MEMORY;
+    if (renderer->frame.failed) { /* asking for the queries might never return */
+        *ret_frame = renderer->frame;
+        return;
+    }
     GLuint64 elapsed_ns = 0, triangles = 0;
     glGetQueryObjectui64v(renderer->time_query, GL_QUERY_RESULT, &elapsed_ns);
     glGetQueryObjectui64v(renderer->triangle_query, GL_QUERY_RESULT, &triangles);

@@ -23,6 +23,8 @@ int window_create(const struct window_params *params, struct window **ret_window
 void window_destroy(struct window *window);
 
 void window_make_current(struct window *window);
+/* In that thread, before it ends: the window can then be destroyed elsewhere. Legal on NULL. */
+void window_release(struct window *window);
 
 /* Copies the framebuffer object's colour into the window, 1:1 from the lower left where the sizes
  * are equal and scaled where they are not, and swaps. */

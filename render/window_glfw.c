@@ -86,6 +86,12 @@ void window_make_current(struct window *window)
     glfwSwapInterval(1);
 }
 
+void window_release(struct window *window)
+{
+    if (window)
+        glfwMakeContextCurrent(NULL);
+}
+
 void window_show(struct window *window, unsigned framebuffer)
 {
     int width, height;

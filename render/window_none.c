@@ -16,6 +16,10 @@ void window_make_current(struct window *window)
 {
 }
 
+void window_release(struct window *window)
+{
+}
+
 void window_show(struct window *window, unsigned framebuffer)
 {
 }
