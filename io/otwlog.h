@@ -82,5 +82,7 @@ int otwlog_flush(struct otwlog_writer *writer, struct diag *diag);
 /* Records added, and dropped for want of room or by a fault of the disk. Any thread. */
 uint64_t otwlog_added(const struct otwlog_writer *writer);
 uint64_t otwlog_dropped(const struct otwlog_writer *writer);
+/* Files removed to stay within max_mib. Any thread. */
+uint64_t otwlog_removed(const struct otwlog_writer *writer);
 /* The file being written. Thread B. */
 const char *otwlog_path(const struct otwlog_writer *writer);

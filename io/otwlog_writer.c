@@ -35,7 +35,7 @@ struct otwlog_writer {
     uint8_t *ring;
     size_t ring_size; /* a power of two */
     _Atomic size_t head, tail;
-    _Atomic uint64_t added, dropped;
+    _Atomic uint64_t added, dropped, removed;
     /* the rest belongs to the flushing thread */
     char directory[PATH_BYTES - 64], stem[32], path[PATH_BYTES];
     int fd;
@@ -78,7 +78,8 @@ static int begin_file(struct otwlog_writer *writer, struct diag *diag)
     if (++writer->number > FILES_KEPT) {
         char oldest[PATH_BYTES];
         path_of(writer, writer->number - FILES_KEPT, oldest);
-        unlink(oldest);
+        if (unlink(oldest) == 0)
+            atomic_fetch_add_explicit(&writer->removed, 1, memory_order_relaxed);
     }
     path_of(writer, writer->number, writer->path);
     writer->file_bytes = 0;
@@ -282,6 +283,11 @@ uint64_t otwlog_added(const struct otwlog_writer *writer)
 uint64_t otwlog_dropped(const struct otwlog_writer *writer)
 {
     return atomic_load_explicit(&writer->dropped, memory_order_relaxed);
+}
+
+uint64_t otwlog_removed(const struct otwlog_writer *writer)
+{
+    return atomic_load_explicit(&writer->removed, memory_order_relaxed);
 }
 
 const char *otwlog_path(const struct otwlog_writer *writer)
