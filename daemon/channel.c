@@ -75,6 +75,7 @@ void channel_destroy(struct channel *channel)
     if (!channel)
         return;
     renderer_destroy(channel->renderer);
+    window_release(channel->window);
     gl_context_destroy(channel->context);
     free(channel);
 }

@@ -220,6 +220,19 @@ void frame_output_take(struct frame_output *output, struct renderer *renderer, u
         readback_start(output->depth, renderer_depth_framebuffer(renderer), frame);
 }
 
+bool frame_output_offer(struct frame_output *output, struct renderer *renderer, uint64_t frame,
+                        const struct view *view)
+{
+    while (ring_count(&output->free) > 0 && pass_on(output, false))
+        ;
+    if (!renderer)
+        return true;
+    if (!readback_start(output->colour, renderer_framebuffer(renderer), frame))
+        return false;
+    output->views[output->started++ % READBACK_SLOTS] = *view;
+    return true;
+}
+
 int frame_output_close(struct frame_output *output, struct diag *diag)
 {
     if (!output)

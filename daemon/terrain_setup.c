@@ -8,8 +8,6 @@
 #include "terrain/database.h"
 #include "terrain/planet.h"
 
-#define DATABASE_CACHE_TILES 2048 /* 129 x 129 floats each: 136 MB at most */
-
 int geoid_setup_open(const char *name, struct geoid **ret_geoid, struct diag *diag)
 {
     char path[PATH_MAX];

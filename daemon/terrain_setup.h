@@ -4,6 +4,8 @@
 #include "base/diag.h"
 #include "terrain/source.h"
 
+#define DATABASE_CACHE_TILES 2048 /* 129 x 129 floats each: 136 MB at most */
+
 struct geoid;
 
 struct terrain_setup {
