@@ -9,4 +9,5 @@ int import_main(int argc, char **argv);
 int info_main(int argc, char **argv);
 int verify_main(int argc, char **argv);
 int height_main(int argc, char **argv);
+int run_main(int argc, char **argv);
 int send_main(int argc, char **argv);

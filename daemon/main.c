@@ -13,6 +13,7 @@ struct command {
 };
 
 static const struct command commands[] = {
+    {"run", run_main, "the daemon in the foreground"},
     {"replay", replay_main, "a recorded flight, headless"},
     {"demo", demo_main, "the embedded flight over the embedded terrain"},
     {"import", import_main, "GDAL rasters into a terrain database"},

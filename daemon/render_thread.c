@@ -1,0 +1,282 @@
+#include "daemon/render_thread.h"
+
+#include <errno.h>
+#include <pthread.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+#include "base/latest.h"
+#include "base/ring.h"
+#include "daemon/frame_output.h"
+
+#define GPU_MEMORY_EVERY_S 10.0
+#define WARM_UP_FRAMES     4
+
+struct render_thread {
+    struct render_params params;
+    struct latest input; /* struct render_input, written by the event loop */
+    struct ring samples; /* struct frame_sample, read by the event loop */
+    int event_fd;
+    _Atomic int state; /* enum render_state; the release that makes `gl` and `diag` visible */
+    atomic_bool stopping;
+    bool has_thread;
+    pthread_t thread;
+    struct gl_facts gl;
+    struct diag diag; /* why it failed */
+    int output_error; /* read after the thread has ended */
+    struct diag output_diag;
+};
+
+/* What the frame loop carries from frame to frame. */
+struct frame_loop {
+    struct render_thread *thread;
+    struct channel *channel;
+    struct frame_output *output; /* NULL where no snapshots can be written */
+    nsec_t period_ns;
+    uint64_t gpu_memory_every;
+    struct render_input input;
+    struct pose shown;
+    nsec_t shown_utc_ns;
+    bool fresh; /* the pose in `input` has not been drawn yet */
+    uint64_t snapshot;
+    struct frame_sample sample;
+};
+
+static void announce(struct render_thread *thread, enum render_state state)
+{
+    uint64_t one = 1;
+    atomic_store(&thread->state, (int)state);
+    if (write(thread->event_fd, &one, sizeof(one)) < 0)
+        return; /* full: the loop will wake up all the same */
+}
+
+static void take_input(struct frame_loop *loop)
+{
+    nsec_t before_ns = loop->input.pose.receive_ns;
+    if (latest_take(&loop->thread->input, &loop->input))
+        loop->fresh = loop->input.pose.receive_ns != before_ns;
+    channel_set_visibility(loop->channel, loop->input.visibility_m);
+}
+
+static void choose_pose(struct frame_loop *loop, nsec_t frame_ns)
+{
+    if (loop->input.frozen && loop->sample.frame > 0)
+        return;
+    pose_for_frame(&loop->input.policy, &loop->input.pose, loop->input.live, frame_ns,
+                   &loop->shown);
+    loop->shown_utc_ns = frame_ns + loop->input.utc_offset_ns;
+}
+
+/* The terrain loader works on the next frame's place while this one is looked at. */
+static void expect_next(struct frame_loop *loop, nsec_t frame_ns)
+{
+    struct pose next;
+    if (loop->input.frozen)
+        return;
+    pose_for_frame(&loop->input.policy, &loop->input.pose, loop->input.live,
+                   frame_ns + loop->period_ns, &next);
+    channel_expect(loop->channel, &next);
+}
+
+static void take_snapshot(struct frame_loop *loop, const struct view *view)
+{
+    if (!loop->output)
+        return;
+    bool wanted = loop->input.snapshot != loop->snapshot;
+    if (frame_output_offer(loop->output, wanted ? channel_renderer(loop->channel) : NULL,
+                           loop->input.snapshot, view))
+        loop->snapshot = loop->input.snapshot;
+}
+
+static void fill_sample(struct frame_loop *loop, const struct channel_frame *frame, nsec_t tick_ns)
+{
+    struct frame_sample *sample = &loop->sample;
+    struct loader_counts counts;
+    renderer_loader_counts(channel_renderer(loop->channel), &counts);
+    uint64_t missed = (uint64_t)((frame->finished_ns - tick_ns) / loop->period_ns);
+    bool drawn_first = loop->fresh && !loop->input.frozen;
+    sample->frame++;
+    sample->missed += missed;
+    sample->late = missed > 0;
+    sample->finished_ns = frame->finished_ns;
+    sample->frame_ms = frame->frame_ms;
+    sample->cpu_ms = frame->cpu_ms;
+    sample->gpu_ms = frame->renderer.gpu_ms;
+    sample->transport_ns = drawn_first ? frame->finished_ns - loop->input.pose.receive_ns : -1;
+    sample->position = loop->shown.position;
+    sample->attitude = loop->shown.attitude;
+    sample->height_above_terrain_m = frame->renderer.height_above_terrain_m;
+    sample->complete = frame->renderer.complete;
+    sample->tiles_loaded = counts.tiles_loaded;
+    sample->terrain_errors = counts.read_errors;
+    if (sample->frame % loop->gpu_memory_every == 1)
+        sample->gpu_mib = gl_memory_used_mib(channel_gl(loop->channel));
+    if (drawn_first)
+        loop->fresh = false;
+}
+
+/* Draws the frame of the tick at `tick_ns`, which is to be seen one period later. Returns the tick
+ * to draw at next: the ticks that have passed meanwhile are missed, not made up for. */
+static nsec_t draw_frame(struct frame_loop *loop, nsec_t tick_ns, bool *ret_failed)
+{
+    struct channel_frame frame;
+    nsec_t frame_ns = tick_ns + loop->period_ns;
+    uint64_t missed_before = loop->sample.missed;
+    take_input(loop);
+    choose_pose(loop, frame_ns);
+    channel_draw(loop->channel, &loop->shown, loop->shown_utc_ns, false, &frame);
+    take_snapshot(loop, &frame.view);
+    fill_sample(loop, &frame, tick_ns);
+    expect_next(loop, frame_ns);
+    *ret_failed = frame.renderer.failed;
+    return frame_ns + (nsec_t)(loop->sample.missed - missed_before) * loop->period_ns;
+}
+
+static bool run_frames(struct frame_loop *loop)
+{
+    struct render_thread *thread = loop->thread;
+    bool failed = false;
+    nsec_t tick_ns = clock_monotonic_ns();
+    while (!failed && !atomic_load_explicit(&thread->stopping, memory_order_relaxed)) {
+        clock_sleep_until(tick_ns);
+        tick_ns = draw_frame(loop, tick_ns, &failed);
+        ring_put(&thread->samples, &loop->sample);
+        notify_beat(thread->params.notify);
+    }
+    return failed;
+}
+
+/* Frames before time is taken: the driver compiles shaders, the terrain of the start position is
+ * loaded. */
+static void warm_up(struct frame_loop *loop)
+{
+    struct channel_frame frame;
+    nsec_t utc_ns = clock_monotonic_ns() + loop->input.utc_offset_ns;
+    for (int i = 0; i < WARM_UP_FRAMES; i++)
+        channel_draw(loop->channel, &loop->input.pose, utc_ns, true, &frame);
+}
+
+static int open_output(struct frame_loop *loop)
+{
+    const struct render_params *params = &loop->thread->params;
+    struct frame_output_params output = {.width = params->channel.width,
+                                         .height = params->channel.height,
+                                         .frames_dir = params->snapshot_directory,
+                                         .every = 1};
+    if (!params->snapshot_directory)
+        return 0;
+    return frame_output_open(&output, &loop->output, &loop->thread->output_diag);
+}
+
+static void *render_main(void *data)
+{
+    struct render_thread *thread = data;
+    struct frame_loop loop = {.thread = thread,
+                              .period_ns = ns_from_seconds(1.0 / thread->params.rate_hz),
+                              .gpu_memory_every =
+                                  2 + (uint64_t)(GPU_MEMORY_EVERY_S * thread->params.rate_hz),
+                              .input = thread->params.first};
+    if (channel_create(&thread->params.channel, &loop.channel, &thread->diag) < 0) {
+        announce(thread, RENDER_FAILED);
+        return NULL;
+    }
+    thread->gl = *channel_gl(loop.channel);
+    thread->output_error = open_output(&loop);
+    warm_up(&loop);
+    announce(thread, RENDER_RUNNING);
+    bool failed = run_frames(&loop);
+    int r = frame_output_close(loop.output, &thread->output_diag);
+    if (r < 0)
+        thread->output_error = r;
+    channel_destroy(loop.channel);
+    if (failed) {
+        diag_set(&thread->diag, -EIO, "the GPU was reset, ran out of memory, or does not finish");
+        announce(thread, RENDER_FAILED);
+    }
+    return NULL;
+}
+
+static int start(struct render_thread *thread)
+{
+    thread->event_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    if (thread->event_fd < 0)
+        return -errno;
+    int r = latest_init(&thread->input, sizeof(struct render_input));
+    if (r == 0)
+        r = ring_init(&thread->samples, sizeof(struct frame_sample), RENDER_SAMPLES);
+    if (r == 0)
+        r = -pthread_create(&thread->thread, NULL, render_main, thread);
+    thread->has_thread = r == 0;
+    if (r == 0)
+        pthread_setname_np(thread->thread, "otwd-render");
+    return r;
+}
+
+int render_thread_start(const struct render_params *params, struct render_thread **ret_thread,
+                        struct diag *diag)
+{
+    struct render_thread *thread = calloc(1, sizeof(*thread));
+    if (!thread)
+        return diag_set(diag, -ENOMEM, "no memory for the render thread");
+    thread->params = *params;
+    thread->event_fd = -1;
+    int r = start(thread);
+    if (r < 0) {
+        diag_set(diag, r, "cannot start the render thread: %s", strerror(-r));
+        render_thread_stop(thread, NULL);
+        return r;
+    }
+    *ret_thread = thread;
+    return 0;
+}
+
+int render_thread_stop(struct render_thread *thread, struct diag *diag)
+{
+    if (!thread)
+        return 0;
+    atomic_store(&thread->stopping, true);
+    if (thread->has_thread)
+        pthread_join(thread->thread, NULL);
+    int r = thread->output_error;
+    if (r < 0)
+        diag_set(diag, r, "%s", thread->output_diag.text);
+    latest_finish(&thread->input);
+    ring_finish(&thread->samples);
+    if (thread->event_fd >= 0)
+        close(thread->event_fd);
+    free(thread);
+    return r;
+}
+
+int render_thread_fd(const struct render_thread *thread)
+{
+    return thread->event_fd;
+}
+
+enum render_state render_thread_state(struct render_thread *thread, struct diag *ret_diag)
+{
+    uint64_t count;
+    if (read(thread->event_fd, &count, sizeof(count)) < 0 && errno != EAGAIN)
+        diag_set(ret_diag, -errno, "the render thread cannot be heard: %s", strerror(errno));
+    enum render_state state = (enum render_state)atomic_load(&thread->state);
+    if (state == RENDER_FAILED)
+        *ret_diag = thread->diag;
+    return state;
+}
+
+const struct gl_facts *render_thread_gl(const struct render_thread *thread)
+{
+    return &thread->gl;
+}
+
+void render_thread_publish(struct render_thread *thread, const struct render_input *input)
+{
+    latest_publish(&thread->input, input);
+}
+
+bool render_thread_take(struct render_thread *thread, struct frame_sample *ret_sample)
+{
+    return ring_take(&thread->samples, ret_sample);
+}

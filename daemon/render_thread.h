@@ -1,0 +1,81 @@
+/* The thread that draws: it owns the channel and with it the GL context, and finishes a frame at
+ * every tick of display.rate_hz.
+ *
+ * What it needs comes through a latest-value cell (struct render_input), what it did goes out
+ * through a ring (struct frame_sample). Between two frames it does nothing but sleep: its loop
+ * allocates nothing, takes no lock, does not log. docs/threads.md draws it. */
+#pragma once
+
+#include "base/diag.h"
+#include "daemon/channel.h"
+#include "daemon/notify.h"
+#include "io/arbiter.h"
+
+/* What the event loop wants to be drawn: always whole, always the newest. */
+struct render_input {
+    struct pose pose; /* the newest that drives; the start position before any has come */
+    bool live;        /* a source is */
+    struct pose_policy policy;
+    bool frozen; /* the picture stays as it is */
+    double visibility_m;
+    nsec_t utc_offset_ns; /* UTC since 1970 minus monotonic time */
+    uint64_t snapshot;    /* where it has changed: write this frame as frame-SNAPSHOT.png */
+};
+
+/* One finished frame. */
+struct frame_sample {
+    uint64_t frame;  /* from 1 */
+    uint64_t missed; /* ticks since the start that no frame was finished for in time */
+    nsec_t finished_ns;
+    double frame_ms, cpu_ms, gpu_ms;
+    nsec_t transport_ns; /* receive stamp to finished frame; -1: its pose was drawn before */
+    struct geodetic position;
+    struct attitude attitude;
+    double height_above_terrain_m;
+    bool late;     /* it was not finished by its own deadline */
+    bool complete; /* the terrain was all there */
+    uint64_t tiles_loaded, terrain_errors;
+    int gpu_mib; /* 0 = unknown */
+};
+
+struct render_params {
+    struct channel_params channel; /* the strings and the window outlive the thread */
+    double rate_hz;
+    struct render_input first;
+    const char *snapshot_directory; /* NULL = none */
+    struct notify *notify;          /* one beat a frame */
+};
+
+struct render_thread;
+
+/* Starts the thread, which makes its channel by itself. -errno with a sentence. */
+int render_thread_start(const struct render_params *params, struct render_thread **ret_thread,
+                        struct diag *diag);
+
+/* Ends the thread, waits for it and frees it. Returns 0, or -errno with a sentence where a snapshot
+ * could not be written. Legal on NULL. */
+int render_thread_stop(struct render_thread *thread, struct diag *diag);
+
+/* Readable once the channel runs, and when the thread has failed. */
+int render_thread_fd(const struct render_thread *thread);
+
+enum render_state {
+    RENDER_STARTING,
+    RENDER_RUNNING,
+    RENDER_FAILED, /* the thread has ended */
+};
+
+/* Clears the descriptor. Where it has failed `ret_diag` says why. */
+enum render_state render_thread_state(struct render_thread *thread, struct diag *ret_diag);
+
+/* Once it runs; does not change. */
+const struct gl_facts *render_thread_gl(const struct render_thread *thread);
+
+/* Event loop. No lock on either side. */
+void render_thread_publish(struct render_thread *thread, const struct render_input *input);
+
+/* The oldest sample not yet taken; false where there is none. Samples that nobody takes are lost
+ * after RENDER_SAMPLES. Event loop. */
+bool render_thread_take(struct render_thread *thread, struct frame_sample *ret_sample);
+
+#define RENDER_SAMPLES 2048

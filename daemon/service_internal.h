@@ -1,0 +1,102 @@
+/* What the parts of the daemon share. All of it belongs to the event loop's thread. */
+#pragma once
+
+#include <systemd/sd-event.h>
+
+#include "daemon/health_collect.h"
+#include "daemon/log.h"
+#include "daemon/recorder.h"
+#include "daemon/render_thread.h"
+#include "daemon/service.h"
+#include "geo/geographic.h"
+#include "io/arbiter.h"
+#include "io/modbus_server.h"
+#include "io/source.h"
+#include "render/window.h"
+
+struct service;
+
+/* A source of the configuration, open or waiting to be. */
+struct source_slot {
+    struct service *service;
+    const struct config_source *config;
+    unsigned index;             /* in the configuration and in the arbiter */
+    struct pose_source *source; /* NULL while it cannot be opened */
+    sd_event_source *event;
+    nsec_t retry_ns;
+    nsec_t failed_ns,
+        refused_ns;    /* when it last could not be read, or refused a packet; 0 = never */
+    uint64_t refused;  /* packets, late ones not counted, that were seen */
+    bool failed, lost; /* as logged */
+};
+
+/* Values of the counters that the operator reset. */
+struct counter_base {
+    uint64_t frames, missed, accepted, rejected, lost, can_frames, terrain_errors, recorded;
+};
+
+struct service {
+    struct config config;
+    const char *config_path;
+    uint32_t generation; /* of the configuration */
+    sd_event *loop;
+    struct geoid *geoid; /* of the sources; the terrain loader has its own */
+    struct window *window;
+
+    struct source_slot slots[ARBITER_SOURCES_MAX];
+    unsigned slot_count;
+    struct arbiter arbiter;
+    int driving; /* whose pose was published last */
+    bool has_pose;
+
+    struct render_thread *render;
+    struct render_input input; /* as published last */
+    bool rendering;            /* its channel runs */
+    struct recorder *recorder;
+    struct modbus_server *modbus;
+    sd_event_source *modbus_event;
+    nsec_t modbus_retry_ns;
+
+    struct notify notify;
+    struct fault_set faults;
+    struct health health;
+    struct health_collect collect;
+    struct counter_base base;
+    nsec_t start_ns, second_ns; /* when the once-a-second work is due */
+    nsec_t behind_ns;           /* when the recorder last dropped a record; 0 = never */
+    uint64_t recorder_dropped;
+    nsec_t snapshot_ns;
+    bool follow_clock; /* the sun goes by the system clock */
+    bool ready, stopping;
+    int status; /* to exit with */
+};
+
+/* service.c */
+void service_publish(struct service *service);
+void service_fail(struct service *service, enum fault_code code, const char *sentence);
+/* Raises or clears, and logs where that changes anything. `sentence` is for raising. */
+void service_set_fault(struct service *service, enum fault_code code, bool active,
+                       const char *sentence);
+
+/* service_sources.c */
+void sources_init(struct service *service);
+/* Opens what is due; looks who is live; hands a change of the driving source to the picture. */
+void sources_tick(struct service *service, nsec_t now_ns);
+void sources_close(struct service *service);
+/* Fills what the sources tell. */
+void sources_fill(const struct service *service, nsec_t now_ns, struct health *health);
+
+/* service_health.c */
+void health_tick(struct service *service, nsec_t now_ns);
+/* The whole map from now on, to Modbus. */
+void health_publish(struct service *service, nsec_t now_ns);
+
+/* service_control.c */
+void modbus_tick(struct service *service, nsec_t now_ns);
+void modbus_close(struct service *service);
+/* SIGHUP */
+void service_reload(struct service *service);
+
+/* config_service.c: the configuration as the parts' parameters. */
+struct pose_policy config_pose_policy(const struct config *config);
+struct intake_params config_intake(const struct config_source *source, struct geoid *geoid);

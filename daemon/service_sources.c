@@ -1,0 +1,297 @@
+/* The daemon's sources: opening, trying again, listening, and what their silence means. */
+#include "daemon/service_internal.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/epoll.h>
+
+#include "daemon/geoid_function.h"
+
+#define RETRY_NS NSEC_PER_SEC
+#define HOLD_NS  (2 * NSEC_PER_SEC) /* how long a refusal or a failed read counts as a fault */
+
+struct pose_policy config_pose_policy(const struct config *config)
+{
+    return (struct pose_policy){
+        .mode = config->pose.mode == CONFIG_POSE_LATEST ? POSE_MODE_HOLD : POSE_MODE_EXTRAPOLATE,
+        .on_loss = config->pose.on_loss == CONFIG_ON_LOSS_FREEZE ? POSE_ON_LOSS_FREEZE
+                                                                 : POSE_ON_LOSS_COAST,
+        .max_extrapolation_ns = config->pose.max_extrapolation_ms * NSEC_PER_MSEC,
+    };
+}
+
+struct intake_params config_intake(const struct config_source *source, struct geoid *geoid)
+{
+    static const enum pose_protocol protocols[] = {
+        [CONFIG_SOURCE_NATIVE] = POSE_PROTOCOL_NATIVE,
+        [CONFIG_SOURCE_FLIGHTGEAR] = POSE_PROTOCOL_FLIGHTGEAR,
+        [CONFIG_SOURCE_CANAEROSPACE] = POSE_PROTOCOL_CANAEROSPACE,
+    };
+    return (struct intake_params){
+        .protocol = protocols[source->type],
+        .force_datum = source->altitude != CONFIG_ALTITUDE_DEFAULT,
+        .datum = source->altitude == CONFIG_ALTITUDE_EGM96 ? ALTITUDE_EGM96 : ALTITUDE_ELLIPSOID,
+        .geoid = geoid_function_of(geoid),
+    };
+}
+
+/* The newest pose of the source that drives goes to the picture and to the recording. A source that
+ * tells no attitude leaves it as it was. */
+static void drive(struct service *service, int index, const struct pose *pose)
+{
+    struct attitude attitude = service->input.pose.attitude;
+    service->input.pose = *pose;
+    if (!(pose->valid & POSE_ATTITUDE))
+        service->input.pose.attitude = attitude;
+    service->input.live = true;
+    service->has_pose = true;
+    service->driving = index;
+    service_publish(service);
+    if (service->recorder)
+        otwlog_add_pose(recorder_writer(service->recorder), (unsigned)index, pose);
+}
+
+static void on_pose(void *context, struct pose_source *source, const struct pose *pose)
+{
+    struct source_slot *slot = context;
+    struct service *service = slot->service;
+    if (arbiter_offer(&service->arbiter, (int)slot->index, pose, clock_monotonic_ns()))
+        drive(service, (int)slot->index, pose);
+}
+
+static void on_packet(void *context, struct pose_source *source, const void *data, size_t size,
+                      nsec_t receive_ns)
+{
+    struct source_slot *slot = context;
+    if (slot->service->recorder)
+        otwlog_add_packet(recorder_writer(slot->service->recorder), slot->index, data, size,
+                          receive_ns);
+}
+
+/* Packets refused for what they are; those that only came late are the network's business. */
+static uint64_t refused_count(const struct pose_source *source)
+{
+    const struct intake_counters *counters = pose_source_counters(source);
+    return intake_rejected_total(counters) - counters->rejected[REJECT_LATE];
+}
+
+static void on_trouble(void *context, struct pose_source *source, const char *sentence)
+{
+    struct source_slot *slot = context;
+    bool refusal = refused_count(source) > slot->refused;
+    log_fault(refusal ? FAULT_POSE_REJECTED : FAULT_SOURCE_FAILED, slot->config->name, "%s",
+              sentence);
+    if (!refusal)
+        slot->failed_ns = clock_monotonic_ns();
+}
+
+static int on_readable(sd_event_source *event, int fd, uint32_t revents, void *data)
+{
+    struct source_slot *slot = data;
+    const struct pose_source_events events = {
+        .context = slot, .pose = on_pose, .packet = on_packet, .trouble = on_trouble};
+    nsec_t now_ns = clock_monotonic_ns();
+    pose_source_dispatch(slot->source, now_ns, &events);
+    uint64_t refused = refused_count(slot->source);
+    if (refused > slot->refused)
+        slot->refused_ns = now_ns;
+    slot->refused = refused;
+    return 0;
+}
+
+static void endpoint_of(const struct config_source *config, char *ret_text, size_t size)
+{
+    bool bus = config->type == CONFIG_SOURCE_CANAEROSPACE;
+    bool simulated = strncmp(config->interface, "sim:", 4) == 0;
+    snprintf(ret_text, size, "%s%s", bus && !simulated ? "can:" : "",
+             bus ? config->interface : config->listen);
+}
+
+static int open_source(struct source_slot *slot, struct diag *diag)
+{
+    const struct config_source *config = slot->config;
+    char endpoint[CONFIG_INTERFACE_MAX + 8];
+    const char *allow[CONFIG_ALLOW_MAX];
+    endpoint_of(config, endpoint, sizeof(endpoint));
+    for (unsigned i = 0; i < config->allow_count; i++)
+        allow[i] = config->allow[i].range;
+    struct pose_source_params params = {
+        .name = config->name,
+        .endpoint = endpoint,
+        .intake = config_intake(config, slot->service->geoid),
+        .priority = config->priority,
+        .timeout_ns = config->timeout_ms * NSEC_PER_MSEC,
+        .allow = allow,
+        .allow_count = config->allow_count,
+    };
+    int r = pose_source_open(&params, &slot->source, diag);
+    if (r >= 0 && sd_event_add_io(slot->service->loop, &slot->event, pose_source_fd(slot->source),
+                                  EPOLLIN, on_readable, slot) < 0) {
+        pose_source_close(slot->source);
+        slot->source = NULL;
+        r = diag_set(diag, -EIO, "source %s: the event loop does not take it", config->name);
+    }
+    return r;
+}
+
+/* Opens a source, or says once why that fails. */
+static void try_source(struct source_slot *slot, nsec_t now_ns)
+{
+    struct diag diag = {0};
+    int r = open_source(slot, &diag);
+    slot->retry_ns = now_ns + RETRY_NS;
+    if (r != 0 && !slot->failed)
+        log_fault(FAULT_SOURCE_FAILED, slot->config->name, "%s", diag.text);
+    if (r != 0)
+        slot->failed = true;
+    else
+        log_info("source %s listens at %s", slot->config->name,
+                 slot->config->listen[0] ? slot->config->listen : slot->config->interface);
+}
+
+/* Open, and its bus up. */
+static bool works(const struct source_slot *slot, nsec_t now_ns)
+{
+    if (!slot->source || (slot->failed_ns && now_ns - slot->failed_ns < HOLD_NS))
+        return false;
+    return pose_source_protocol(slot->source) != POSE_PROTOCOL_CANAEROSPACE ||
+           pose_source_can_state(slot->source) != CAN_STATE_NONE;
+}
+
+static void note_silence(struct source_slot *slot, nsec_t now_ns)
+{
+    const struct arbiter_source *heard = &slot->service->arbiter.sources[slot->index];
+    bool lost = heard->heard && now_ns - heard->heard_ns > heard->timeout_ns;
+    if (lost && !slot->lost)
+        log_fault(FAULT_SOURCE_LOST, slot->config->name, "source %s: silent for more than %u ms",
+                  slot->config->name, slot->config->timeout_ms);
+    else if (!lost && slot->lost)
+        log_fault_cleared(FAULT_SOURCE_LOST, slot->config->name);
+    slot->lost = lost;
+}
+
+static void tick_slot(struct source_slot *slot, nsec_t now_ns)
+{
+    if (!slot->source && now_ns >= slot->retry_ns)
+        try_source(slot, now_ns);
+    bool failed = !works(slot, now_ns);
+    if (slot->failed && !failed)
+        log_fault_cleared(FAULT_SOURCE_FAILED, slot->config->name);
+    slot->failed = failed;
+    note_silence(slot, now_ns);
+}
+
+static void set(struct service *service, enum fault_code code, bool active)
+{
+    if (active)
+        fault_raise(&service->faults, code);
+    else
+        fault_clear(&service->faults, code);
+}
+
+/* The faults of all sources together; each source's own were logged with its name. */
+static void set_faults(struct service *service, nsec_t now_ns)
+{
+    bool failed = false, lost = false, refused = false;
+    enum can_state worst = CAN_STATE_NONE;
+    for (unsigned i = 0; i < service->slot_count; i++) {
+        const struct source_slot *slot = &service->slots[i];
+        failed |= slot->failed;
+        lost |= slot->lost;
+        refused |= slot->refused_ns && now_ns - slot->refused_ns < HOLD_NS;
+        if (slot->source && pose_source_can_state(slot->source) > worst)
+            worst = pose_source_can_state(slot->source);
+    }
+    set(service, FAULT_SOURCE_FAILED, failed);
+    set(service, FAULT_SOURCE_LOST, lost);
+    set(service, FAULT_POSE_REJECTED, refused);
+    service_set_fault(service, FAULT_CAN_DEGRADED,
+                      worst == CAN_STATE_WARNING || worst == CAN_STATE_PASSIVE,
+                      "a CAN controller counts errors");
+    service_set_fault(service, FAULT_CAN_BUS_OFF, worst == CAN_STATE_BUS_OFF,
+                      "a CAN controller is bus-off");
+    bool silent = service->arbiter.active == ARBITER_NONE;
+    service_set_fault(service, FAULT_POSE_NONE, service->ready && !service->has_pose,
+                      "no source has sent a pose yet: drawing from the start position");
+    service_set_fault(service, FAULT_POSE_STALE, service->has_pose && silent,
+                      "every source is silent: holding the last pose");
+}
+
+static const char *name_of(const struct service *service, int index)
+{
+    return index == ARBITER_NONE ? "nobody" : service->slots[index].config->name;
+}
+
+static void on_switch(void *context, int from, int to)
+{
+    const struct service *service = context;
+    log_notice("%s drives, before it %s", name_of(service, to), name_of(service, from));
+}
+
+void sources_init(struct service *service)
+{
+    arbiter_init(&service->arbiter, on_switch, service);
+    service->driving = ARBITER_NONE;
+    for (unsigned i = 0; i < service->config.sources_count; i++) {
+        const struct config_source *config = &service->config.sources[i];
+        service->slots[i] = (struct source_slot){.service = service, .config = config, .index = i};
+        arbiter_add(&service->arbiter, config->priority, config->timeout_ms * NSEC_PER_MSEC);
+        if (service->recorder)
+            otwlog_add_source(recorder_writer(service->recorder), i,
+                              config_intake(config, NULL).protocol, config->name,
+                              clock_monotonic_ns());
+    }
+    service->slot_count = service->config.sources_count;
+}
+
+void sources_tick(struct service *service, nsec_t now_ns)
+{
+    for (unsigned i = 0; i < service->slot_count; i++)
+        tick_slot(&service->slots[i], now_ns);
+    int active = arbiter_update(&service->arbiter, now_ns);
+    if (active != ARBITER_NONE && active != service->driving) {
+        drive(service, active, &service->arbiter.sources[active].pose);
+    } else if (service->input.live != (active != ARBITER_NONE)) {
+        service->input.live = active != ARBITER_NONE;
+        service_publish(service);
+    }
+    set_faults(service, now_ns);
+}
+
+void sources_close(struct service *service)
+{
+    for (unsigned i = 0; i < service->slot_count; i++) {
+        sd_event_source_disable_unref(service->slots[i].event);
+        pose_source_close(service->slots[i].source);
+        service->slots[i].source = NULL;
+    }
+}
+
+void sources_fill(const struct service *service, nsec_t now_ns, struct health *health)
+{
+    bool can_good = true;
+    health->pose_accepted = health->pose_rejected = health->pose_lost = health->can_frames = 0;
+    health->can_state = HEALTH_CAN_NONE;
+    for (unsigned i = 0; i < service->slot_count; i++) {
+        const struct source_slot *slot = &service->slots[i];
+        bool can = slot->config->type == CONFIG_SOURCE_CANAEROSPACE;
+        enum can_state state = slot->source ? pose_source_can_state(slot->source) : CAN_STATE_NONE;
+        can_good &= !can || state == CAN_STATE_ACTIVE;
+        if ((unsigned)state > health->can_state)
+            health->can_state = (enum health_can)state; /* the same numbers: register 23 */
+        if (!slot->source)
+            continue;
+        const struct intake_counters *counters = pose_source_counters(slot->source);
+        health->pose_accepted += counters->accepted;
+        health->pose_rejected += intake_rejected_total(counters);
+        health->pose_lost += counters->lost;
+        health->can_frames += can ? counters->received : 0;
+    }
+    health->can_good = can_good;
+    health->active_source = (unsigned)(service->arbiter.active + 1);
+    health->pose_valid = service->arbiter.active != ARBITER_NONE;
+    health->pose_age_ns = service->has_pose ? now_ns - service->input.pose.time_ns : -1;
+    if (service->has_pose && health->pose_age_ns < 0)
+        health->pose_age_ns = 0;
+}
