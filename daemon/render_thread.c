@@ -192,7 +192,7 @@ static void *render_main(void *data)
         thread->output_error = r;
     channel_destroy(loop.channel);
     if (failed) {
-        diag_set(&thread->diag, -EIO, "the GPU was reset, ran out of memory, or does not finish");
+        diag_set(&thread->diag, -EIO, "the GPU was reset or ran out of memory");
         announce(thread, RENDER_FAILED);
     }
     return NULL;

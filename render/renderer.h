@@ -27,7 +27,7 @@ struct renderer_frame {
     unsigned control_points; /* vertices sent by the CPU */
     uint64_t upload_bytes;
     bool complete;           /* the terrain drawn is that of this eye, not of an earlier one */
-    bool failed; /* the GPU was reset, ran out of memory, or did not finish in 10 seconds */
+    bool failed; /* the GPU was reset or ran out of memory */
     double height_above_terrain_m;
     double undulation_m;
 };
