@@ -1,0 +1,30 @@
+#!/bin/sh
+# A database that cannot be opened: the planet is drawn and the fault shown. A geoid that is missing:
+# one sentence, and no start.
+. "$(dirname "$0")/common.sh"
+
+port=$(free_port)
+modbus=$(free_port)
+cat >otwd.yaml <<YAML
+display: {width: 160, height: 90, rate_hz: 20}
+terrain: {database: $scratch/absent.otwt}
+sources:
+  - {name: host, type: native, listen: "127.0.0.1:$port"}
+health: {modbus: {listen: "127.0.0.1:$modbus"}}
+YAML
+start_daemon otwd.yaml
+grep -q "absent.otwt.* fault=203" otwd.log || fail "the log does not name the database"
+is code 203 || is code 101 || fail "fault $(field code)"
+is state fault || fail "state $(field state)"
+at_least frames_rendered 1 || fail "nothing is drawn"
+stop_daemon
+[ "$stopped" -eq 0 ] || fail "the daemon ended with $stopped"
+
+cat >geoid.yaml <<YAML
+terrain: {geoid: $scratch/absent.pgm}
+YAML
+"$OTWD" run -c geoid.yaml >geoid.log 2>&1
+status=$?
+[ "$status" -eq 66 ] || fail "a missing geoid: status $status, not 66"
+[ "$(grep -c 'absent.pgm' geoid.log)" -eq 1 ] || fail "a missing geoid: not one sentence"
+finish

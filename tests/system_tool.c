@@ -1,0 +1,141 @@
+/* What the system tests need besides the shell:
+ *
+ *   system_tool free-port             a port of 127.0.0.1 that neither TCP nor UDP uses
+ *   system_tool hold-port PORT        holds it for UDP until killed
+ *   system_tool notify SOCKET FILE    a service manager's ear: each message's lines into FILE
+ *   system_tool bad-input PORT KIND   one native datagram that has to be refused, or a good one
+ */
+#include <math.h>
+#include <netinet/in.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include "io/native.h"
+
+#define LIFE_S 60 /* an orphan ends by itself */
+
+static void fail(const char *what)
+{
+    perror(what);
+    exit(1);
+}
+
+static int bound(int type, unsigned port, struct sockaddr_in *ret_address)
+{
+    struct sockaddr_in address = {.sin_family = AF_INET,
+                                  .sin_port = htons((uint16_t)port),
+                                  .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
+    socklen_t length = sizeof(address);
+    int fd = socket(AF_INET, type, 0);
+    if (fd < 0)
+        fail("socket");
+    if (bind(fd, (struct sockaddr *)&address, length) < 0) {
+        close(fd);
+        return -1;
+    }
+    getsockname(fd, (struct sockaddr *)&address, &length);
+    *ret_address = address;
+    return fd;
+}
+
+static int free_port(void)
+{
+    for (int attempt = 0; attempt < 100; attempt++) {
+        struct sockaddr_in address, same;
+        int tcp = bound(SOCK_STREAM, 0, &address);
+        if (tcp < 0)
+            fail("bind");
+        int udp = bound(SOCK_DGRAM, ntohs(address.sin_port), &same);
+        close(tcp);
+        if (udp < 0)
+            continue;
+        close(udp);
+        printf("%u\n", ntohs(address.sin_port));
+        return 0;
+    }
+    fputs("no free port\n", stderr);
+    return 1;
+}
+
+static void hold_port(unsigned port)
+{
+    struct sockaddr_in address;
+    if (bound(SOCK_DGRAM, port, &address) < 0)
+        fail("bind");
+    puts("held");
+    fflush(stdout);
+    pause();
+}
+
+static void notify(const char *path, const char *out_path)
+{
+    struct sockaddr_un address = {.sun_family = AF_UNIX};
+    char message[4096];
+    FILE *out = fopen(out_path, "w");
+    int fd = socket(AF_UNIX, SOCK_DGRAM, 0);
+    if (!out || fd < 0 || strlen(path) >= sizeof(address.sun_path))
+        fail(out_path);
+    strcpy(address.sun_path, path);
+    if (bind(fd, (struct sockaddr *)&address, sizeof(address)) < 0)
+        fail(path);
+    for (;;) {
+        ssize_t n = recv(fd, message, sizeof(message) - 1, 0);
+        if (n < 0)
+            fail("recv");
+        message[n] = '\0';
+        fprintf(out, "%s\n", message);
+        fflush(out);
+    }
+}
+
+static size_t make_datagram(const char *kind, uint8_t data[NATIVE_SIZE])
+{
+    struct pose_sample sample = {
+        .session = 77,
+        .sequence = 1,
+        .pose = {.valid = POSE_POSITION | POSE_ATTITUDE, .position = {46.5, 7.9, 4000.0}}};
+    if (strcmp(kind, "nan") == 0)
+        sample.pose.position.lon_deg = NAN;
+    if (strcmp(kind, "latitude") == 0)
+        sample.pose.position.lat_deg = 91.0;
+    native_encode(&sample, data);
+    if (strcmp(kind, "malformed") == 0)
+        memset(data, 0x5a, 40);
+    if (strcmp(kind, "version") == 0)
+        data[4] = 9;
+    return strcmp(kind, "length") == 0 ? NATIVE_SIZE - 1 : NATIVE_SIZE;
+}
+
+static int bad_input(unsigned port, const char *kind)
+{
+    uint8_t data[NATIVE_SIZE];
+    struct sockaddr_in to = {.sin_family = AF_INET,
+                             .sin_port = htons((uint16_t)port),
+                             .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
+    size_t size = make_datagram(kind, data);
+    int fd = socket(AF_INET, SOCK_DGRAM, 0);
+    if (fd < 0 || sendto(fd, data, size, 0, (struct sockaddr *)&to, sizeof(to)) != (ssize_t)size)
+        fail("sendto");
+    close(fd);
+    return 0;
+}
+
+int main(int argc, char **argv)
+{
+    const char *what = argc > 1 ? argv[1] : "";
+    alarm(LIFE_S);
+    if (strcmp(what, "free-port") == 0)
+        return free_port();
+    if (strcmp(what, "hold-port") == 0 && argc == 3)
+        hold_port((unsigned)atoi(argv[2]));
+    if (strcmp(what, "notify") == 0 && argc == 4)
+        notify(argv[2], argv[3]);
+    if (strcmp(what, "bad-input") == 0 && argc == 4)
+        return bad_input((unsigned)atoi(argv[2]), argv[3]);
+    fputs("usage: see the head of tests/system_tool.c\n", stderr);
+    return 64;
+}
