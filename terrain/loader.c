@@ -30,7 +30,7 @@ struct loader {
     struct clipmap_layout layout;
     int finest;
     bool placed;
-    float *altitude_m, *fallback_m, *undulation_m; /* [n][n] scratch */
+    float *altitude_m, *fallback_m, *undulation_m; /* of a window's half-posts, scratch */
 
     struct loader_update updates[LOADER_UPDATES];
     struct ring ready, free; /* of struct loader_update * */
@@ -88,14 +88,26 @@ static void sample_rect(struct loader *loader, const struct level_store *store,
 }
 
 static void add_strip(struct loader_update *update, const struct level_store *store,
-                      struct clipmap_rect rect)
+                      const struct level_store *coarser, struct clipmap_rect half_posts)
 {
     assert(update->strip_count < LOADER_MAX_STRIPS);
-    update->strips[update->strip_count++] =
-        (struct loader_strip){.level = store->level, .rect = rect, .offset = update->posts};
-    level_store_export(store, rect, update->heights + update->posts,
-                       update->surfaces + update->posts);
-    update->posts += (size_t)rect.rows * (size_t)rect.cols;
+    struct loader_strip strip = {
+        .level = store->level,
+        .posts = level_store_posts(half_posts),
+        .half_posts = half_posts,
+        .height_offset = update->height_count,
+        .surface_offset = update->surface_count,
+    };
+    level_store_export_heights(store, coarser, strip.posts, update->heights + update->height_count);
+    level_store_export_surfaces(store, half_posts, update->surfaces + update->surface_count);
+    update->height_count += (size_t)strip.posts.rows * (size_t)strip.posts.cols;
+    update->surface_count += (size_t)half_posts.rows * (size_t)half_posts.cols;
+    update->strips[update->strip_count++] = strip;
+}
+
+static struct clipmap_window in_half_posts(struct clipmap_window window)
+{
+    return (struct clipmap_window){2 * window.row0, 2 * window.col0};
 }
 
 /* Brings one level to its new window and puts what it gained into the update. */
@@ -105,13 +117,11 @@ static void move_level(struct loader *loader, int level, const struct clipmap_la
     struct level_store *store = &loader->stores[level];
     struct clipmap_window to = layout->windows[level];
     struct clipmap_rect rects[2];
-    int n = loader->shape.n, count;
-    if (store->filled && store->lon_factor == layout->lon_factor) {
-        count = clipmap_uncovered(&loader->shape, store->window, to, rects);
-    } else {
-        rects[0] = (struct clipmap_rect){to.row0, to.col0, n, n};
-        count = 1;
-    }
+    int side = level_half_posts(&loader->shape), count = 1;
+    if (store->filled && store->lon_factor == layout->lon_factor)
+        count = clipmap_uncovered(side, in_half_posts(store->window), in_half_posts(to), rects);
+    else
+        rects[0] = (struct clipmap_rect){2 * to.row0, 2 * to.col0, side, side};
     store->window = to;
     store->lon_factor = layout->lon_factor;
     store->filled = true;
@@ -120,12 +130,11 @@ static void move_level(struct loader *loader, int level, const struct clipmap_la
     for (int i = 0; i < count; i++) {
         sample_rect(loader, store, rects[i]);
         level_store_put(store, rects[i], loader->altitude_m, loader->undulation_m);
-        level_store_blend(store, rects[i], coarser);
     }
     for (int i = 0; i < count; i++)
-        add_strip(update, store, level_store_grown(store, rects[i]));
+        add_strip(update, store, coarser, level_store_grown(store, rects[i]));
     if (count > 0)
-        level_store_bound(store);
+        level_store_bound(store, coarser);
 }
 
 static void ground_below(struct loader *loader, const struct wish *wish,
@@ -148,7 +157,7 @@ static void fill_update(struct loader *loader, const struct wish *wish,
                         const struct clipmap_layout *layout, struct loader_update *update)
 {
     update->strip_count = 0;
-    update->posts = 0;
+    update->height_count = update->surface_count = 0;
     update->layout = *layout;
     update->finest = wish->finest;
     update->eye_lat_deg = wish->lat_deg;
@@ -228,12 +237,12 @@ static void *loader_main(void *data)
 static int allocate(struct loader *loader)
 {
     struct clipmap_shape *shape = &loader->shape;
-    size_t window = (size_t)shape->n * (size_t)shape->n;
+    size_t half_posts = (size_t)level_half_posts(shape) * (size_t)level_half_posts(shape);
     size_t squares = (size_t)level_squares(shape) * (size_t)level_squares(shape);
     size_t levels = (size_t)shape->levels;
-    loader->altitude_m = malloc(window * sizeof(float));
-    loader->fallback_m = malloc(window * sizeof(float));
-    loader->undulation_m = malloc(window * sizeof(float));
+    loader->altitude_m = malloc(half_posts * sizeof(float));
+    loader->fallback_m = malloc(half_posts * sizeof(float));
+    loader->undulation_m = malloc(half_posts * sizeof(float));
     if (!loader->altitude_m || !loader->fallback_m || !loader->undulation_m)
         return -ENOMEM;
     for (int level = 0; level < shape->levels; level++)
@@ -243,12 +252,12 @@ static int allocate(struct loader *loader)
         ring_init(&loader->free, sizeof(struct loader_update *), LOADER_UPDATES) < 0 ||
         latest_init(&loader->wishes, sizeof(struct wish)) < 0)
         return -ENOMEM;
-    /* A strip grown by a post each side: two of them may overlap, hence the factor. */
-    size_t posts = levels * (window + 8 * (size_t)shape->n);
+    /* Two strips of a level, each grown by one a side, overlap by a few rows and columns. */
+    size_t surfaces = levels * (half_posts + 16 * (size_t)shape->n);
     for (int i = 0; i < LOADER_UPDATES; i++) {
         struct loader_update *update = &loader->updates[i];
-        update->heights = malloc(posts * sizeof(*update->heights));
-        update->surfaces = malloc(posts * sizeof(*update->surfaces));
+        update->heights = malloc(surfaces / 2 * sizeof(*update->heights));
+        update->surfaces = malloc(surfaces * sizeof(*update->surfaces));
         update->bounds = calloc(levels * squares, sizeof(*update->bounds));
         if (!update->heights || !update->surfaces || !update->bounds)
             return -ENOMEM;

@@ -15,10 +15,10 @@ layout(location = 0) out vec4 colour;
 vec4 surface_of_level(vec2 grid, int level)
 {
     float spacing = exp2(float(-level));
-    ivec2 base = scene.base.xy, mask = scene.base.zz;
-    vec2 texel = vec2((base >> level) & mask) +
-                 (vec2(base & ((1 << level) - 1)) + grid) * spacing + 0.5;
-    return textureLod(surfaces, vec3(texel * scene.eye_texture.w, level), 0.0);
+    ivec2 base = scene.base.xy << 1; // in half-posts
+    vec2 texel = vec2((base >> level) & (2 * scene.base.z + 1)) +
+                 (vec2(base & ((1 << level) - 1)) + 2.0 * grid) * spacing + 0.5;
+    return textureLod(surfaces, vec3(texel * (0.5 * scene.eye_texture.w), level), 0.0);
 }
 
 vec4 surface_at(vec2 grid)
