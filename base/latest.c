@@ -36,8 +36,8 @@ void latest_finish(struct latest *cell)
 void latest_publish(struct latest *cell, const void *value)
 {
     memcpy(slot(cell, cell->back), value, cell->size);
-    unsigned old = atomic_exchange_explicit(&cell->middle, cell->back | LATEST_FRESH,
-                                            memory_order_acq_rel);
+    unsigned old =
+        atomic_exchange_explicit(&cell->middle, cell->back | LATEST_FRESH, memory_order_acq_rel);
     cell->back = old & ~LATEST_FRESH;
 }
 

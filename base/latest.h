@@ -11,10 +11,10 @@
 #include <stddef.h>
 
 struct latest {
-    void *slots;        /* 3 * stride bytes, owned */
+    void *slots; /* 3 * stride bytes, owned */
     size_t size, stride;
-    unsigned back;      /* the writer's slot */
-    unsigned front;     /* the reader's slot */
+    unsigned back;           /* the writer's slot */
+    unsigned front;          /* the reader's slot */
     _Atomic unsigned middle; /* slot number, | LATEST_FRESH */
 };
 

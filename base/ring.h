@@ -6,7 +6,7 @@
 #include <stddef.h>
 
 struct ring {
-    void *elements;              /* capacity * element_size bytes, owned */
+    void *elements; /* capacity * element_size bytes, owned */
     size_t element_size;
     unsigned capacity;           /* a power of two */
     _Atomic unsigned head, tail; /* counts of elements ever taken and ever put */

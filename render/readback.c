@@ -53,12 +53,13 @@ void readback_destroy(struct readback *readback)
     free(readback);
 }
 
-bool readback_start(struct readback *readback, uint64_t frame)
+bool readback_start(struct readback *readback, unsigned framebuffer, uint64_t frame)
 {
     if (readback->used == READBACK_SLOTS)
         return false;
     struct slot *slot = &readback->slots[(readback->first + readback->used) % READBACK_SLOTS];
     bool depth = readback->what == READBACK_DEPTH;
+    glBindFramebuffer(GL_READ_FRAMEBUFFER, framebuffer);
     glBindBuffer(GL_PIXEL_PACK_BUFFER, slot->buffer);
     glReadPixels(0, 0, readback->width, readback->height, depth ? GL_DEPTH_COMPONENT : GL_RGBA,
                  depth ? GL_FLOAT : GL_UNSIGNED_BYTE, NULL);

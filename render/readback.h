@@ -20,8 +20,8 @@ int readback_create(int width, int height, enum readback_what what, struct readb
                     struct diag *diag);
 void readback_destroy(struct readback *readback);
 
-/* Starts copying from the framebuffer bound for reading; false where all slots are in use. */
-bool readback_start(struct readback *readback, uint64_t frame);
+/* Starts copying from a framebuffer object; false where all slots are in use. */
+bool readback_start(struct readback *readback, unsigned framebuffer, uint64_t frame);
 
 /* The oldest copy, once it is there: its pixels (valid until readback_release) and frame number;
  * NULL where none is under way or, unless `wait`, none is complete. */

@@ -82,9 +82,9 @@ void scene_set_view(const struct view *view, struct scene_block *ret_scene)
                 row < 3 && col < 3 ? (float)view->enu_from_eye[row][col] : (float)(row == col);
 }
 
-static float clamped(double value, double centre, double reach)
+static double clamped(double value, double centre, double reach)
 {
-    return (float)fmin(fmax(value, centre - reach), centre + reach);
+    return fmin(fmax(value, centre - reach), centre + reach);
 }
 
 void scene_set_levels(const struct view *view, const struct clipmap_shape *shape,
@@ -105,11 +105,23 @@ void scene_set_levels(const struct view *view, const struct clipmap_shape *shape
     scene->eye_texture[0] = (float)(base_col & (TEXTURE_PERIOD - 1));
     scene->eye_texture[1] = (float)(base_row & (TEXTURE_PERIOD - 1));
     scene->eye_texture[2] = (float)(mask + 1);
-    scene->eye_texture[3] = (float)view->undulation_m;
-    scene->view_rays[1][0] = (float)finest;
-    scene->view_rays[1][1] = (float)(shape->levels - 1);
+    scene->eye_texture[3] = 1.0f / (float)(mask + 1);
+    scene->view_rays[1][0] = fade;
+    scene->view_rays[1][1] = 0.0f;
     scene->view_rays[1][2] = (float)(pixel_rad / (row_step * DEGREE * WGS84_A));
     double half = (n - 1) / 2.0, width = fmax(n / 10.0, 4.0);
+    const struct clipmap_window *first = &layout->windows[finest];
+    double reach = half - LAG_POSTS;
+    scene->base[0] = (int32_t)base_col;
+    scene->base[1] = (int32_t)base_row;
+    scene->base[2] = mask;
+    scene->base[3] = finest | (shape->levels - 1) << 8;
+    scene->blend[0] = (float)(ldexp(clamped(ldexp(col, -finest), first->col0 + half, LAG_POSTS), finest) -
+                              (double)base_col);
+    scene->blend[1] = (float)(ldexp(clamped(ldexp(row, -finest), first->row0 + half, LAG_POSTS), finest) -
+                              (double)base_row);
+    scene->blend[2] = (float)(1.0 / reach);
+    scene->blend[3] = (float)(reach / width);
     double bow = 1.0 + fabs(tan(view->eye.lat_deg * DEGREE));
     for (int k = 0; k < shape->levels; k++) {
         const struct clipmap_window *own = &layout->windows[k];
@@ -121,8 +133,8 @@ void scene_set_levels(const struct view *view, const struct clipmap_shape *shape
                        own->row0 & mask},
             .coarser = {own->col0 - 2 * up->col0, own->row0 - 2 * up->row0, up->col0 & mask,
                         up->row0 & mask},
-            .blend = {clamped(ldexp(col, -k) - own->col0, half, LAG_POSTS),
-                      clamped(ldexp(row, -k) - own->row0, half, LAG_POSTS),
+            .blend = {(float)clamped(ldexp(col, -k) - own->col0, half, LAG_POSTS),
+                      (float)clamped(ldexp(row, -k) - own->row0, half, LAG_POSTS),
                       (float)(half - width - LAG_POSTS), (float)(1.0 / width)},
             .fade = {k == finest ? fade : 0.0f,
                      (float)(1.5 * side_m * side_m / (8.0 * WGS84_A) * bow + 1.0), (float)(n - 1),

@@ -24,6 +24,8 @@ struct scene_block {
     float haze[4];
     float view_rays[2][4];
     float enu_from_eye[16];
+    int32_t base[4];
+    float blend[4];
     struct scene_level levels[CLIPMAP_MAX_LEVELS];
 };
 
@@ -32,7 +34,7 @@ _Static_assert(offsetof(struct scene_block, planes) == 64, "std140");
 _Static_assert(offsetof(struct scene_block, eye_trig) == 128, "std140");
 _Static_assert(offsetof(struct scene_block, view_rays) == 208, "std140");
 _Static_assert(offsetof(struct scene_block, enu_from_eye) == 240, "std140");
-_Static_assert(offsetof(struct scene_block, levels) == 304, "std140");
+_Static_assert(offsetof(struct scene_block, levels) == 336, "std140");
 
 /* Fills everything but the levels. */
 void scene_set_view(const struct view *view, struct scene_block *ret_scene);

@@ -51,7 +51,8 @@ static const char *check_title = "";
     do {                                                                                           \
         const char *check_h = (haystack), *check_n = (needle);                                     \
         if (!strstr(check_h, check_n))                                                             \
-            CHECK_FAIL("%s is \"%s\", which does not contain \"%s\"", #haystack, check_h, check_n); \
+            CHECK_FAIL("%s is \"%s\", which does not contain \"%s\"", #haystack, check_h,          \
+                       check_n);                                                                   \
     } while (0)
 
 struct check_test {

@@ -18,13 +18,17 @@ layout(std140, binding = 0) uniform Scene {
     vec4 planes[4];       // the frustum's sides through the eye, inward normals, enu
     vec4 eye_trig;        // sin and cos of the latitude; N0; height above the ellipsoid, m
     vec4 grid;            // column and row spacing (rad); the base post from the eye (rad), xy
-    vec4 eye_texture;     // xy: the base post modulo 2^20; z: storage side; w: undulation, m
+    vec4 eye_texture;     // xy: the base post modulo 2^20; z: storage side; w: 1 / that
     vec4 sun;             // enu direction; w: 1 above, 0 below the horizon (smooth)
     vec4 haze;            // x: extinction at the eye, 1/m; y: 1 / scale height; z: eye's altitude;
                           // w: time of day's ambient strength
-    vec4 view_rays[2];    // tangents: left, bottom, right, top; finest and coarsest level drawn,
-                          // finest posts a pixel covers at 1 m, near distance (m)
+    vec4 view_rays[2];    // tangents: left, bottom, right, top; least blend of the finest level drawn,
+                          // unused, finest posts a pixel covers at 1 m, near distance (m)
     mat4 enu_from_eye;
+    ivec4 base;           // the eye's base post (column, row); storage side - 1; finest and coarsest
+                          // level drawn, 8 bits each
+    vec4 blend;           // for shading: xy: the centre of blending in finest posts from the base
+                          // post; z: 1 / posts from there to a level's end; w: z's inverse over width
     Level levels[MAX_LEVELS];
 } scene;
 

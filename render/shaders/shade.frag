@@ -9,39 +9,32 @@ layout(binding = 3) uniform sampler2D depths;        // near / distance along th
 
 layout(location = 0) out vec4 colour;
 
-// The level that covers a place on the finest grid, and the place in its window.
-int level_at(vec2 grid, out vec2 local)
+// Slopes, water and altitude at a place on the finest grid, from the level that covers it, blended
+// into the next as the geometry is. The storage is toroidal, so a post's texel follows from its
+// address alone and no window has to be looked up.
+vec4 surface_of_level(vec2 grid, int level)
 {
-    float reach = 0.5 * scene.levels[0].fade.z - 5.0;
-    float posts = max(abs(grid.x), abs(grid.y));
-    int first = int(scene.view_rays[1].x), last = int(scene.view_rays[1].y);
-    int index = clamp(int(ceil(log2(max(posts, 1.0) / reach))), first, last);
-    for (; index < last; index++) {
-        Level level = scene.levels[index];
-        local = (grid - vec2(level.origin.xy)) * exp2(-level.fade.w);
-        vec2 inside = min(local, level.fade.z - local);
-        if (min(inside.x, inside.y) >= 0.5)
-            return index;
-    }
-    Level level = scene.levels[last];
-    local = clamp((grid - vec2(level.origin.xy)) * exp2(-level.fade.w), 0.0, level.fade.z);
-    return last;
+    float spacing = exp2(float(-level));
+    ivec2 base = scene.base.xy, mask = scene.base.zz;
+    vec2 texel = vec2((base >> level) & mask) +
+                 (vec2(base & ((1 << level) - 1)) + grid) * spacing + 0.5;
+    return textureLod(surfaces, vec3(texel * scene.eye_texture.w, level), 0.0);
 }
 
 vec4 surface_at(vec2 grid)
 {
-    vec2 local;
-    int index = level_at(grid, local);
-    Level level = scene.levels[index];
-    float scale = 1.0 / scene.eye_texture.z;
-    float blend = blend_at(local, level);
-    vec4 own = textureLod(surfaces, vec3((local + vec2(level.origin.zw) + 0.5) * scale, index), 0.0);
-    if (blend <= 0.0 || index == int(scene.view_rays[1].y))
+    vec2 from_eye = abs(grid - scene.blend.xy);
+    float posts = max(max(from_eye.x, from_eye.y), 1.0);
+    int first = scene.base.w & 255, last = scene.base.w >> 8;
+    int level = clamp(int(ceil(log2(posts * scene.blend.z))), first, last);
+    float blend = clamp((posts * exp2(float(-level)) * scene.blend.z - 1.0) * scene.blend.w + 1.0,
+                        0.0, 1.0);
+    if (level == first)
+        blend = max(blend, scene.view_rays[1].x);
+    vec4 own = surface_of_level(grid, level);
+    if (blend <= 0.0 || level == last)
         return own;
-    vec2 half_local = 0.5 * (local + vec2(level.coarser.xy));
-    vec4 coarser = textureLod(surfaces, vec3((half_local + vec2(level.coarser.zw) + 0.5) * scale,
-                                             index + 1), 0.0);
-    return mix(own, coarser, blend);
+    return mix(own, surface_of_level(grid, level + 1), blend);
 }
 
 vec3 land_colour(float altitude_km, float steepness, vec4 wide, vec4 near)

@@ -1,0 +1,289 @@
+/* What no single key shows. Every check finds its place in the document again by name, so that the
+ * complaint stands at the line that the operator has to change. */
+#include "config/document.h"
+
+#include <errno.h>
+#include <math.h>
+#include <net/if.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/un.h>
+
+#include "config/schema.h"
+
+static yaml_node_t *section(struct document *document, const char *name)
+{
+    return document_get(document, document_root(document), name, NULL);
+}
+
+/* The first of two keys of a mapping that the file has; the mapping itself where it has neither. */
+static yaml_node_t *either(struct document *document, yaml_node_t *mapping, const char *first,
+                           const char *second)
+{
+    yaml_node_t *node = document_get(document, mapping, first, NULL);
+    if (!node)
+        node = document_get(document, mapping, second, NULL);
+    return node ? node : mapping;
+}
+
+static bool is_plain_name(const char *name)
+{
+    static const char letters[] =
+        "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_.-";
+    return *name && strspn(name, letters) == strlen(name);
+}
+
+static void check_channel(struct document *document, const struct config_channel *channel)
+{
+    yaml_node_t *node = section(document, "channel");
+    yaml_node_t *frustum = document_get(document, node, "frustum", NULL);
+    const struct config_frustum *f = &channel->frustum;
+    if (!is_plain_name(channel->name))
+        document_complain(document, document_get(document, node, "name", NULL),
+                          "channel.name is '%s'; letters, digits, '_', '-' and '.' make a name",
+                          channel->name);
+    if (f->left_deg >= f->right_deg)
+        document_complain(document, either(document, frustum, "right_deg", "left_deg"),
+                          "channel.frustum: left_deg %g must be less than right_deg %g",
+                          f->left_deg, f->right_deg);
+    if (f->bottom_deg >= f->top_deg)
+        document_complain(document, either(document, frustum, "top_deg", "bottom_deg"),
+                          "channel.frustum: bottom_deg %g must be less than top_deg %g",
+                          f->bottom_deg, f->top_deg);
+}
+
+static void check_terrain(struct document *document, const struct config_terrain *terrain)
+{
+    yaml_node_t *node = section(document, "terrain");
+    if (terrain->technique != CONFIG_TECHNIQUE_CLIPMAP)
+        document_complain(document, document_get(document, node, "technique", NULL),
+                          "terrain.technique: '%s' is not supported by this version; use clipmap",
+                          config_technique_name(terrain->technique));
+    if (!terrain->geoid[0])
+        document_complain(document, document_get(document, node, "geoid", NULL),
+                          "terrain.geoid is empty; it must be egm96 or the path of a geoid grid");
+}
+
+static void check_environment(struct document *document, struct config_environment *environment)
+{
+    yaml_node_t *node = section(document, "environment");
+    if (environment->time_utc[0] &&
+        clock_parse_utc(environment->time_utc, &environment->time_utc_ns) < 0)
+        document_complain(document, document_get(document, node, "time_utc", NULL),
+                          "environment.time_utc is '%s'; it must be like 2024-06-21T12:00:00Z",
+                          environment->time_utc);
+}
+
+static void check_address(struct document *document, yaml_node_t *node, const char *shown,
+                          const char *text)
+{
+    union address address;
+    if (address_parse(text, &address, NULL) < 0 || address_port(&address) == 0)
+        document_complain(document, node,
+                          "%s is '%s'; it must be a numeric address and a port, like "
+                          "127.0.0.1:5500 or [::1]:5500",
+                          shown, text);
+}
+
+/* One source on its way through the checks. */
+struct source_check {
+    struct document *document;
+    struct config *config;
+    struct config_source *source;
+    yaml_node_t *node;
+    unsigned index;
+};
+
+static void refuse_key(const struct source_check *check, const char *key, const char *why)
+{
+    yaml_node_t *name;
+    if (document_get(check->document, check->node, key, &name))
+        document_complain(check->document, name, "sources[%u].%s: %s %s", check->index, key,
+                          config_source_type_name(check->source->type), why);
+}
+
+static bool is_bus(const struct config_source *source)
+{
+    return source->type == CONFIG_SOURCE_CANAEROSPACE;
+}
+
+static void settle_source(const struct source_check *check)
+{
+    static const char *const ports[] = {
+        [CONFIG_SOURCE_NATIVE] = "127.0.0.1:5600", [CONFIG_SOURCE_FLIGHTGEAR] = "127.0.0.1:5500",
+        [CONFIG_SOURCE_CIGI] = "127.0.0.1:8004",   [CONFIG_SOURCE_XPLANE] = "127.0.0.1:49003",
+        [CONFIG_SOURCE_DIS] = "127.0.0.1:3000",    [CONFIG_SOURCE_CANAEROSPACE] = "",
+    };
+    struct config_source *source = check->source;
+    if (!document_get(check->document, check->node, "name", NULL))
+        snprintf(source->name, sizeof(source->name), "source%u", check->index + 1);
+    if (!document_get(check->document, check->node, "priority", NULL))
+        source->priority = check->index + 1;
+    if (is_bus(source) && !document_get(check->document, check->node, "interface", NULL))
+        strcpy(source->interface, "can0");
+    if (!is_bus(source) && !document_get(check->document, check->node, "listen", NULL))
+        strcpy(source->listen, ports[source->type]);
+}
+
+static int settle_allow(const struct source_check *check)
+{
+    struct config_source *source = check->source;
+    if (is_bus(source) || document_get(check->document, check->node, "allow", NULL))
+        return 0;
+    source->allow = calloc(2, sizeof(*source->allow));
+    if (!source->allow)
+        return -ENOMEM;
+    strcpy(source->allow[0].range, "127.0.0.0/8");
+    strcpy(source->allow[1].range, "::1");
+    source->allow_count = 2;
+    return 0;
+}
+
+static void check_interface(const struct source_check *check)
+{
+    const char *name = check->source->interface;
+    yaml_node_t *node = document_get(check->document, check->node, "interface", NULL);
+    size_t path_max = sizeof(((struct sockaddr_un *)NULL)->sun_path) - 1;
+    if (strncmp(name, "sim:", 4) == 0) {
+        if (name[4] == '\0' || strlen(name + 4) > path_max)
+            document_complain(check->document, node,
+                              "sources[%u].interface: sim: needs the path of a socket, at most %zu "
+                              "bytes",
+                              check->index, path_max);
+    } else if (!is_plain_name(name) || strlen(name) >= IFNAMSIZ) {
+        document_complain(check->document, node,
+                          "sources[%u].interface is '%s'; it must be an interface like can0, or "
+                          "sim:PATH",
+                          check->index, name);
+    }
+}
+
+static void check_allow(const struct source_check *check)
+{
+    yaml_node_t *list = document_get(check->document, check->node, "allow", NULL);
+    struct allow_list allowed = {0};
+    if (check->source->allow_count == 0)
+        document_complain(check->document, list,
+                          "sources[%u].allow is empty; list the senders, or 0.0.0.0/0 and ::/0 for "
+                          "anyone",
+                          check->index);
+    for (unsigned i = 0; i < check->source->allow_count; i++) {
+        const char *text = check->source->allow[i].range;
+        if (allow_list_add(&allowed, text, NULL) < 0)
+            document_complain(check->document, document_item(check->document, list, i),
+                              "sources[%u].allow[%u] is '%s'; it must be an address like "
+                              "192.168.1.20 or a network like 192.168.1.0/24",
+                              check->index, i, text);
+    }
+}
+
+static void check_wire(const struct source_check *check)
+{
+    const struct config_source *source = check->source;
+    char shown[64];
+    if (is_bus(source)) {
+        refuse_key(check, "listen", "reads a CAN bus; give it an interface");
+        refuse_key(check, "allow", "reads a CAN bus, which has no sender addresses");
+        check_interface(check);
+    } else {
+        refuse_key(check, "interface", "arrives over UDP; give it a listen address");
+        snprintf(shown, sizeof(shown), "sources[%u].listen", check->index);
+        check_address(check->document, document_get(check->document, check->node, "listen", NULL),
+                      shown, source->listen);
+        check_allow(check);
+    }
+    if (source->type == CONFIG_SOURCE_CIGI)
+        return;
+    refuse_key(check, "reply", "sends no replies");
+    refuse_key(check, "version", "finds its version in the packets");
+}
+
+static bool same_text(const char *a, const char *b)
+{
+    return *a && strcmp(a, b) == 0;
+}
+
+static void check_duplicates(const struct source_check *check)
+{
+    yaml_node_t *key = check->node;
+    for (unsigned i = 0; i < check->index; i++) {
+        const struct config_source *other = &check->config->sources[i];
+        if (same_text(check->source->name, other->name))
+            document_complain(check->document, either(check->document, key, "name", "name"),
+                              "sources[%u].name: '%s' is already the name of sources[%u]",
+                              check->index, other->name, i);
+        if (same_text(check->source->listen, other->listen))
+            document_complain(check->document, either(check->document, key, "listen", "type"),
+                              "sources[%u].listen: %s is already taken by source '%s'",
+                              check->index, other->listen, other->name);
+    }
+}
+
+static bool is_supported(enum config_source_type type)
+{
+    return type == CONFIG_SOURCE_NATIVE || type == CONFIG_SOURCE_FLIGHTGEAR ||
+           type == CONFIG_SOURCE_CANAEROSPACE;
+}
+
+static int check_source(struct source_check *check)
+{
+    const char *type = config_source_type_name(check->source->type);
+    settle_source(check);
+    int r = settle_allow(check);
+    if (r < 0)
+        return r;
+    if (!is_plain_name(check->source->name))
+        document_complain(check->document, either(check->document, check->node, "name", "name"),
+                          "sources[%u].name is '%s'; letters, digits, '_', '-' and '.' make a name",
+                          check->index, check->source->name);
+    if (!is_supported(check->source->type))
+        document_complain(check->document, document_get(check->document, check->node, "type", NULL),
+                          "sources[%u].type: %s is not supported by this version; use native, "
+                          "flightgear or canaerospace",
+                          check->index, type);
+    check_wire(check);
+    check_duplicates(check);
+    return 0;
+}
+
+/* A channel that nobody configured still hears a host on the same machine. */
+static int default_source(struct config *config)
+{
+    config->sources = calloc(1, sizeof(*config->sources));
+    if (!config->sources)
+        return -ENOMEM;
+    config->sources_count = 1;
+    config->sources[0].timeout_ms =
+        (unsigned)atoi(config_key_find("sources[].timeout_ms")->fallback);
+    return 0;
+}
+
+static int check_sources(struct document *document, struct config *config)
+{
+    yaml_node_t *list = section(document, "sources");
+    int r = list ? 0 : default_source(config);
+    for (unsigned i = 0; i < config->sources_count && r == 0; i++) {
+        struct source_check check = {
+            .document = document,
+            .config = config,
+            .source = &config->sources[i],
+            .node = document_item(document, list, i),
+            .index = i,
+        };
+        r = check_source(&check);
+    }
+    return r;
+}
+
+int document_check_meaning(struct document *document, struct config *config)
+{
+    check_channel(document, &config->channel);
+    check_terrain(document, &config->terrain);
+    check_environment(document, &config->environment);
+    if (config->health.modbus.listen[0]) {
+        yaml_node_t *modbus = document_get(document, section(document, "health"), "modbus", NULL);
+        check_address(document, document_get(document, modbus, "listen", NULL),
+                      "health.modbus.listen", config->health.modbus.listen);
+    }
+    return check_sources(document, config);
+}

@@ -1,0 +1,58 @@
+#include "config/schema.h"
+
+#include <string.h>
+
+/* Modbus carries visibility in tens of metres in 16 bits: hence its upper limit. A frustum edge at
+ * 90 degrees would lie at infinity. */
+static const struct config_key keys[] = {
+    {"channel.name", "front"},
+    {"channel.offset.x_m", "0", -1000, 1000, "m"},
+    {"channel.offset.y_m", "0", -1000, 1000, "m"},
+    {"channel.offset.z_m", "0", -1000, 1000, "m"},
+    {"channel.offset.yaw_deg", "0", -360, 360, "degrees"},
+    {"channel.offset.pitch_deg", "0", -90, 90, "degrees"},
+    {"channel.offset.roll_deg", "0", -180, 180, "degrees"},
+    {"channel.frustum.left_deg", "-30", -85, 85, "degrees"},
+    {"channel.frustum.right_deg", "30", -85, 85, "degrees"},
+    {"channel.frustum.bottom_deg", "-17.5", -85, 85, "degrees"},
+    {"channel.frustum.top_deg", "17.5", -85, 85, "degrees"},
+    {"display.backend", "headless"},
+    {"display.width", "1920", 16, 16384, "pixels"},
+    {"display.height", "1080", 16, 16384, "pixels"},
+    {"display.rate_hz", "60", 1, 1000, "Hz"},
+    {"display.monitor", ""},
+    {"display.fullscreen", "false"},
+    {"terrain.database", ""},
+    {"terrain.geoid", "egm96"},
+    {"terrain.pixel_error", "1.0", 0.1, 100, "pixels"},
+    {"terrain.technique", "clipmap"},
+    {"environment.visibility_m", "40000", 10, 655350, "m"},
+    {"environment.time_utc", ""},
+    {"environment.atmosphere", "true"},
+    {"sources[].name", NULL},
+    {"sources[].type", "native"},
+    {"sources[].version", NULL, 3.0, 4.0, NULL},
+    {"sources[].listen", NULL},
+    {"sources[].reply", NULL},
+    {"sources[].interface", NULL},
+    {"sources[].priority", NULL, 1, 255, NULL},
+    {"sources[].timeout_ms", "500", 10, 60000, "ms"},
+    {"sources[].altitude", "default"},
+    {"sources[].allow[]", NULL},
+    {"pose.mode", "extrapolate"},
+    {"pose.max_extrapolation_ms", "250", 0, 10000, "ms"},
+    {"pose.on_loss", "coast"},
+    {"health.modbus.listen", "127.0.0.1:1502"},
+    {"health.modbus.unit", "1", 1, 247, NULL},
+    {"health.modbus.allow_control", "false"},
+    {"record.directory", ""},
+    {"record.max_mib", "1024", 1, 1 << 24, "MiB"},
+};
+
+const struct config_key *config_key_find(const char *path)
+{
+    for (size_t i = 0; i < sizeof(keys) / sizeof(keys[0]); i++)
+        if (strcmp(keys[i].path, path) == 0)
+            return &keys[i];
+    return NULL;
+}

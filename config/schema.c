@@ -1,0 +1,185 @@
+#include "config/schema.h"
+
+#include "config/config.h"
+
+#define OPTIONAL CYAML_FLAG_OPTIONAL
+#define WORD     (CYAML_FLAG_OPTIONAL | CYAML_FLAG_STRICT)
+
+static const cyaml_schema_field_t offset_fields[] = {
+    CYAML_FIELD_FLOAT("x_m", OPTIONAL, struct config_offset, x_m),
+    CYAML_FIELD_FLOAT("y_m", OPTIONAL, struct config_offset, y_m),
+    CYAML_FIELD_FLOAT("z_m", OPTIONAL, struct config_offset, z_m),
+    CYAML_FIELD_FLOAT("yaw_deg", OPTIONAL, struct config_offset, yaw_deg),
+    CYAML_FIELD_FLOAT("pitch_deg", OPTIONAL, struct config_offset, pitch_deg),
+    CYAML_FIELD_FLOAT("roll_deg", OPTIONAL, struct config_offset, roll_deg),
+    CYAML_FIELD_END,
+};
+
+static const cyaml_schema_field_t frustum_fields[] = {
+    CYAML_FIELD_FLOAT("left_deg", OPTIONAL, struct config_frustum, left_deg),
+    CYAML_FIELD_FLOAT("right_deg", OPTIONAL, struct config_frustum, right_deg),
+    CYAML_FIELD_FLOAT("bottom_deg", OPTIONAL, struct config_frustum, bottom_deg),
+    CYAML_FIELD_FLOAT("top_deg", OPTIONAL, struct config_frustum, top_deg),
+    CYAML_FIELD_END,
+};
+
+static const cyaml_schema_field_t channel_fields[] = {
+    CYAML_FIELD_STRING("name", OPTIONAL, struct config_channel, name, 0),
+    CYAML_FIELD_MAPPING("offset", OPTIONAL, struct config_channel, offset, offset_fields),
+    CYAML_FIELD_MAPPING("frustum", OPTIONAL, struct config_channel, frustum, frustum_fields),
+    CYAML_FIELD_END,
+};
+
+static const cyaml_strval_t backend_words[] = {
+    {"headless", CONFIG_BACKEND_HEADLESS},
+    {"window", CONFIG_BACKEND_WINDOW},
+};
+
+static const cyaml_schema_field_t display_fields[] = {
+    CYAML_FIELD_ENUM("backend", WORD, struct config_display, backend, backend_words,
+                     CYAML_ARRAY_LEN(backend_words)),
+    CYAML_FIELD_UINT("width", OPTIONAL, struct config_display, width),
+    CYAML_FIELD_UINT("height", OPTIONAL, struct config_display, height),
+    CYAML_FIELD_FLOAT("rate_hz", OPTIONAL, struct config_display, rate_hz),
+    CYAML_FIELD_STRING("monitor", OPTIONAL, struct config_display, monitor, 0),
+    CYAML_FIELD_BOOL("fullscreen", OPTIONAL, struct config_display, fullscreen),
+    CYAML_FIELD_END,
+};
+
+static const cyaml_strval_t technique_words[] = {
+    {"clipmap", CONFIG_TECHNIQUE_CLIPMAP},
+    {"clipmap-classic", CONFIG_TECHNIQUE_CLIPMAP_CLASSIC},
+    {"quadtree", CONFIG_TECHNIQUE_QUADTREE},
+    {"persistent-grid", CONFIG_TECHNIQUE_PERSISTENT_GRID},
+    {"rag", CONFIG_TECHNIQUE_RAG},
+    {"geomipmap", CONFIG_TECHNIQUE_GEOMIPMAP},
+    {"reference", CONFIG_TECHNIQUE_REFERENCE},
+};
+
+static const cyaml_schema_field_t terrain_fields[] = {
+    CYAML_FIELD_STRING("database", OPTIONAL, struct config_terrain, database, 0),
+    CYAML_FIELD_STRING("geoid", OPTIONAL, struct config_terrain, geoid, 0),
+    CYAML_FIELD_FLOAT("pixel_error", OPTIONAL, struct config_terrain, pixel_error),
+    CYAML_FIELD_ENUM("technique", WORD, struct config_terrain, technique, technique_words,
+                     CYAML_ARRAY_LEN(technique_words)),
+    CYAML_FIELD_END,
+};
+
+static const cyaml_schema_field_t environment_fields[] = {
+    CYAML_FIELD_FLOAT("visibility_m", OPTIONAL, struct config_environment, visibility_m),
+    CYAML_FIELD_STRING("time_utc", OPTIONAL, struct config_environment, time_utc, 0),
+    CYAML_FIELD_BOOL("atmosphere", OPTIONAL, struct config_environment, atmosphere),
+    CYAML_FIELD_END,
+};
+
+static const cyaml_strval_t type_words[] = {
+    {"native", CONFIG_SOURCE_NATIVE},
+    {"flightgear", CONFIG_SOURCE_FLIGHTGEAR},
+    {"canaerospace", CONFIG_SOURCE_CANAEROSPACE},
+    {"cigi", CONFIG_SOURCE_CIGI},
+    {"xplane", CONFIG_SOURCE_XPLANE},
+    {"dis", CONFIG_SOURCE_DIS},
+};
+
+static const cyaml_strval_t altitude_words[] = {
+    {"default", CONFIG_ALTITUDE_DEFAULT},
+    {"ellipsoid", CONFIG_ALTITUDE_ELLIPSOID},
+    {"egm96", CONFIG_ALTITUDE_EGM96},
+};
+
+static const cyaml_schema_value_t allow_entry = {
+    CYAML_VALUE_STRING(CYAML_FLAG_DEFAULT, struct config_allow, 0, ADDRESS_TEXT_MAX - 1),
+};
+
+static const cyaml_schema_field_t source_fields[] = {
+    CYAML_FIELD_STRING("name", OPTIONAL, struct config_source, name, 0),
+    CYAML_FIELD_ENUM("type", WORD, struct config_source, type, type_words,
+                     CYAML_ARRAY_LEN(type_words)),
+    CYAML_FIELD_FLOAT("version", OPTIONAL, struct config_source, version),
+    CYAML_FIELD_STRING("listen", OPTIONAL, struct config_source, listen, 0),
+    CYAML_FIELD_STRING("reply", OPTIONAL, struct config_source, reply, 0),
+    CYAML_FIELD_STRING("interface", OPTIONAL, struct config_source, interface, 0),
+    CYAML_FIELD_UINT("priority", OPTIONAL, struct config_source, priority),
+    CYAML_FIELD_UINT("timeout_ms", OPTIONAL, struct config_source, timeout_ms),
+    CYAML_FIELD_ENUM("altitude", WORD, struct config_source, altitude, altitude_words,
+                     CYAML_ARRAY_LEN(altitude_words)),
+    CYAML_FIELD_SEQUENCE("allow", CYAML_FLAG_POINTER | OPTIONAL, struct config_source, allow,
+                         &allow_entry, 0, CONFIG_ALLOW_MAX),
+    CYAML_FIELD_END,
+};
+
+static const cyaml_schema_value_t source_entry = {
+    CYAML_VALUE_MAPPING(CYAML_FLAG_DEFAULT, struct config_source, source_fields),
+};
+
+static const cyaml_strval_t mode_words[] = {
+    {"extrapolate", CONFIG_POSE_EXTRAPOLATE},
+    {"latest", CONFIG_POSE_LATEST},
+};
+
+static const cyaml_strval_t on_loss_words[] = {
+    {"coast", CONFIG_ON_LOSS_COAST},
+    {"freeze", CONFIG_ON_LOSS_FREEZE},
+};
+
+static const cyaml_schema_field_t pose_fields[] = {
+    CYAML_FIELD_ENUM("mode", WORD, struct config_pose, mode, mode_words,
+                     CYAML_ARRAY_LEN(mode_words)),
+    CYAML_FIELD_UINT("max_extrapolation_ms", OPTIONAL, struct config_pose, max_extrapolation_ms),
+    CYAML_FIELD_ENUM("on_loss", WORD, struct config_pose, on_loss, on_loss_words,
+                     CYAML_ARRAY_LEN(on_loss_words)),
+    CYAML_FIELD_END,
+};
+
+static const cyaml_schema_field_t modbus_fields[] = {
+    CYAML_FIELD_STRING("listen", OPTIONAL, struct config_modbus, listen, 0),
+    CYAML_FIELD_UINT("unit", OPTIONAL, struct config_modbus, unit),
+    CYAML_FIELD_BOOL("allow_control", OPTIONAL, struct config_modbus, allow_control),
+    CYAML_FIELD_END,
+};
+
+static const cyaml_schema_field_t health_fields[] = {
+    CYAML_FIELD_MAPPING("modbus", OPTIONAL, struct config_health, modbus, modbus_fields),
+    CYAML_FIELD_END,
+};
+
+static const cyaml_schema_field_t record_fields[] = {
+    CYAML_FIELD_STRING("directory", OPTIONAL, struct config_record, directory, 0),
+    CYAML_FIELD_UINT("max_mib", OPTIONAL, struct config_record, max_mib),
+    CYAML_FIELD_END,
+};
+
+static const cyaml_schema_field_t top_fields[] = {
+    CYAML_FIELD_MAPPING("channel", OPTIONAL, struct config, channel, channel_fields),
+    CYAML_FIELD_MAPPING("display", OPTIONAL, struct config, display, display_fields),
+    CYAML_FIELD_MAPPING("terrain", OPTIONAL, struct config, terrain, terrain_fields),
+    CYAML_FIELD_MAPPING("environment", OPTIONAL, struct config, environment, environment_fields),
+    CYAML_FIELD_SEQUENCE("sources", CYAML_FLAG_POINTER | OPTIONAL, struct config, sources,
+                         &source_entry, 0, CONFIG_SOURCES_MAX),
+    CYAML_FIELD_MAPPING("pose", OPTIONAL, struct config, pose, pose_fields),
+    CYAML_FIELD_MAPPING("health", OPTIONAL, struct config, health, health_fields),
+    CYAML_FIELD_MAPPING("record", OPTIONAL, struct config, record, record_fields),
+    CYAML_FIELD_END,
+};
+
+const cyaml_schema_value_t config_schema = {
+    CYAML_VALUE_MAPPING(CYAML_FLAG_POINTER, struct config, top_fields),
+};
+
+static const char *word_of(const cyaml_strval_t *words, size_t count, long value)
+{
+    for (size_t i = 0; i < count; i++)
+        if (words[i].val == value)
+            return words[i].str;
+    return "?";
+}
+
+const char *config_source_type_name(enum config_source_type type)
+{
+    return word_of(type_words, CYAML_ARRAY_LEN(type_words), type);
+}
+
+const char *config_technique_name(enum config_technique technique)
+{
+    return word_of(technique_words, CYAML_ARRAY_LEN(technique_words), technique);
+}

@@ -1,0 +1,122 @@
+#include "daemon/channel.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "daemon/terrain_setup.h"
+#include "geo/sun.h"
+#include "render/window.h"
+
+#define NEAR_M 0.5
+
+struct channel {
+    struct gl_context *context; /* NULL where a window brings its own */
+    struct window *window;
+    struct gl_facts gl;
+    struct renderer *renderer;
+    struct channel_geometry geometry;
+    double visibility_m;
+    double undulation_m;
+};
+
+static int create_renderer(struct channel *channel, const struct channel_params *params,
+                           struct diag *diag)
+{
+    struct terrain_setup terrain;
+    int r = terrain_setup_open(params->terrain_path, params->geoid, &terrain, diag);
+    if (r < 0)
+        return r;
+    struct terrain_facts facts;
+    terrain.source->ops->facts(terrain.source, &facts);
+    struct renderer_params renderer = {
+        .width = params->width,
+        .height = params->height,
+        .shape = renderer_shape(&facts, params->height, params->pixel_error, channel->gl.software),
+        .source = terrain.source,
+        .fallback = terrain.fallback,
+        .geoid = terrain.geoid,
+    };
+    return renderer_create(&renderer, &channel->gl, &channel->renderer, diag);
+}
+
+int channel_create(const struct channel_params *params, struct channel **ret_channel,
+                   struct diag *diag)
+{
+    if (strcmp(params->technique, "clipmap") != 0)
+        return diag_set(diag, -EINVAL, "technique \"%s\" is not available (there is: clipmap)",
+                        params->technique);
+    struct channel *channel = calloc(1, sizeof(*channel));
+    if (!channel)
+        return diag_set(diag, -ENOMEM, "no memory for the channel");
+    channel->geometry = params->geometry;
+    channel->visibility_m = params->visibility_m;
+    channel->window = params->window;
+    int r = 0;
+    if (channel->window)
+        window_make_current(channel->window);
+    else
+        r = gl_context_create_headless(&channel->context, diag);
+    if (r == 0)
+        r = gl_facts_gather(&channel->gl, diag);
+    if (r == 0)
+        r = create_renderer(channel, params, diag);
+    if (r < 0) {
+        channel_destroy(channel);
+        return r;
+    }
+    *ret_channel = channel;
+    return 0;
+}
+
+void channel_destroy(struct channel *channel)
+{
+    if (!channel)
+        return;
+    renderer_destroy(channel->renderer);
+    gl_context_destroy(channel->context);
+    free(channel);
+}
+
+void channel_expect(struct channel *channel, const struct pose *pose)
+{
+    renderer_wish(channel->renderer, &pose->position);
+}
+
+void channel_draw(struct channel *channel, const struct pose *pose, nsec_t utc_ns, bool complete,
+                  struct channel_frame *ret_frame)
+{
+    struct view view;
+    view_from_pose(pose, &channel->geometry, &view);
+    renderer_wish(channel->renderer, &view.eye);
+    if (complete)
+        renderer_wait(channel->renderer);
+    nsec_t start_ns = clock_monotonic_ns(), start_cpu_ns = clock_thread_cpu_ns();
+    view.near_m = NEAR_M;
+    view.visibility_m = channel->visibility_m;
+    sun_direction_enu(utc_ns, view.eye.lat_deg, view.eye.lon_deg, view.sun_enu);
+    renderer_draw(channel->renderer, &view);
+    if (channel->window)
+        window_show(channel->window, renderer_framebuffer(channel->renderer));
+    renderer_finish(channel->renderer, &ret_frame->renderer);
+    ret_frame->finished_ns = clock_monotonic_ns();
+    ret_frame->frame_ms = milliseconds_from_ns(ret_frame->finished_ns - start_ns);
+    ret_frame->cpu_ms = milliseconds_from_ns(clock_thread_cpu_ns() - start_cpu_ns);
+    ret_frame->view = view;
+}
+
+void channel_set_visibility(struct channel *channel, double visibility_m)
+{
+    channel->visibility_m = visibility_m;
+}
+
+const struct gl_facts *channel_gl(const struct channel *channel)
+{
+    return &channel->gl;
+}
+
+struct renderer *channel_renderer(struct channel *channel)
+{
+    return channel->renderer;
+}

@@ -1,0 +1,51 @@
+/* One visual channel: context, terrain, renderer, wired from plain parameters. Used by `run`,
+ * `replay` and `demo` alike; all calls in the thread that created it. */
+#pragma once
+
+#include "base/diag.h"
+#include "render/context.h"
+#include "render/renderer.h"
+
+struct window;
+
+struct channel_params {
+    int width, height;
+    struct channel_geometry geometry;
+    const char *terrain_path; /* "" = the embedded planet */
+    const char *geoid;        /* "egm96", "none", or a PGM file of GeographicLib's form */
+    const char *technique;    /* "clipmap" */
+    double pixel_error;
+    double visibility_m;
+    struct window *window;    /* shows the frames too; NULL = headless */
+};
+
+/* What a frame was and cost. */
+struct channel_frame {
+    struct view view;
+    struct renderer_frame renderer;
+    double frame_ms; /* from taking the pose to the finished frame */
+    double cpu_ms;   /* of the calling thread */
+    nsec_t finished_ns;
+};
+
+struct channel;
+
+/* -EINVAL for an unknown technique, -ENOENT for a missing database or geoid, -ENODEV without
+ * OpenGL 4.5; the sentence says which. */
+int channel_create(const struct channel_params *params, struct channel **ret_channel,
+                   struct diag *diag);
+/* Legal on NULL. */
+void channel_destroy(struct channel *channel);
+
+/* Tells the terrain loader where the next frame will be seen from. */
+void channel_expect(struct channel *channel, const struct pose *pose);
+
+/* Draws and finishes one frame. `utc_ns` places the sun. With `complete`, first waits until the
+ * terrain is all there (replay without a clock); that wait is not part of frame_ms. */
+void channel_draw(struct channel *channel, const struct pose *pose, nsec_t utc_ns, bool complete,
+                  struct channel_frame *ret_frame);
+
+void channel_set_visibility(struct channel *channel, double visibility_m);
+
+const struct gl_facts *channel_gl(const struct channel *channel);
+struct renderer *channel_renderer(struct channel *channel);

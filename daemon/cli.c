@@ -1,0 +1,68 @@
+#include "daemon/cli.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+int cli_exit_status(int error)
+{
+    switch (-error) {
+    case 0: return EX_OK;
+    case EINVAL: return EX_USAGE;
+    case ENOENT:
+    case ENOTDIR:
+    case EACCES:
+    case EISDIR: return EX_NOINPUT;
+    case EBADMSG:
+    case EPROTONOSUPPORT:
+    case ERANGE: return EX_DATAERR;
+    case ENODEV:
+    case ENOTSUP:
+    case EADDRINUSE:
+    case EADDRNOTAVAIL:
+    case ECONNREFUSED:
+    case ETIMEDOUT:
+    case ENETDOWN: return EX_UNAVAILABLE;
+    case ENOMEM: return EX_OSERR;
+    default: return EX_IOERR;
+    }
+}
+
+int cli_fail(int error, const struct diag *diag)
+{
+    fprintf(stderr, "otwd: %s\n", diag->text[0] ? diag->text : strerror(-error));
+    return cli_exit_status(error);
+}
+
+double cli_number(struct argp_state *state, const char *option, const char *text, double least,
+                  double most)
+{
+    char *end;
+    double value = strtod(text, &end);
+    if (end == text || *end != '\0' || !(value >= least && value <= most))
+        argp_error(state, "--%s takes a number from %g to %g, not \"%s\"", option, least, most,
+                   text);
+    return value;
+}
+
+void cli_size(struct argp_state *state, const char *text, int *ret_width, int *ret_height)
+{
+    char rest;
+    int width, height;
+    if (sscanf(text, "%dx%d%c", &width, &height, &rest) != 2 || width < 16 || height < 16 ||
+        width > 16384 || height > 16384)
+        argp_error(state, "--size takes WIDTHxHEIGHT, each from 16 to 16384, not \"%s\"", text);
+    *ret_width = width;
+    *ret_height = height;
+}
+
+void cli_parse(const struct argp *parser, const char *name, int argc, char **argv, void *input)
+{
+    static char shown[64];
+    snprintf(shown, sizeof(shown), "otwd %s", name);
+    argv[0] = shown;
+    argp_parse(parser, argc, argv, 0, NULL, input);
+}

@@ -1,0 +1,23 @@
+/* What the subcommands share: exit statuses, numbers on the command line. */
+#pragma once
+
+#include <argp.h>
+#include <stdbool.h>
+
+#include "base/diag.h"
+
+/* The exit status of sysexits.h that an error of ours stands for. */
+int cli_exit_status(int error);
+
+/* Prints "otwd: sentence" on stderr and returns the exit status for `error`. */
+int cli_fail(int error, const struct diag *diag);
+
+/* Numbers of an option within limits; anything else is an argp_error (status 64). */
+double cli_number(struct argp_state *state, const char *option, const char *text, double least,
+                  double most);
+
+/* "1024x576". */
+void cli_size(struct argp_state *state, const char *text, int *ret_width, int *ret_height);
+
+/* Runs argp over a subcommand: argv[0] is "otwd NAME" in usage lines. */
+void cli_parse(const struct argp *parser, const char *name, int argc, char **argv, void *input);

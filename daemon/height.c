@@ -1,0 +1,137 @@
+/* `otwd height DB [LAT LON]`: terrain height at a place, or at every place of standard input. */
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "daemon/cli.h"
+#include "daemon/commands.h"
+#include "daemon/terrain_setup.h"
+#include "geo/geographic.h"
+#include "terrain/database.h"
+
+enum { OPT_DATUM = 256, OPT_NORMAL };
+
+struct height_options {
+    const char *database, *lat, *lon;
+    bool ellipsoid, normal;
+};
+
+static const struct argp_option known[] = {
+    {"datum", OPT_DATUM, "egm96|ellipsoid", 0, "what the answer is above (default egm96)", 0},
+    {"normal", OPT_NORMAL, NULL, 0, "also the surface's unit normal: east north up", 0},
+    {0},
+};
+
+static error_t parse_option(int key, char *argument, struct argp_state *state)
+{
+    struct height_options *options = state->input;
+    switch (key) {
+    case OPT_DATUM:
+        if (strcmp(argument, "egm96") != 0 && strcmp(argument, "ellipsoid") != 0)
+            argp_error(state, "--datum takes egm96 or ellipsoid, not \"%s\"", argument);
+        options->ellipsoid = argument[1] == 'l';
+        return 0;
+    case OPT_NORMAL: options->normal = true; return 0;
+    case ARGP_KEY_ARG:
+        if (state->arg_num == 0)
+            options->database = argument;
+        else if (state->arg_num == 1)
+            options->lat = argument;
+        else if (state->arg_num == 2)
+            options->lon = argument;
+        else
+            argp_error(state, "too many arguments");
+        return 0;
+    case ARGP_KEY_END:
+        if (!options->database || (options->lat && !options->lon))
+            argp_error(state, "DB, or DB LAT LON");
+        return 0;
+    default: return ARGP_ERR_UNKNOWN;
+    }
+}
+
+static const struct argp parser = {
+    .options = known,
+    .parser = parse_option,
+    .args_doc = "DB [LAT LON]",
+    .doc = "The height of the terrain, in metres. Without coordinates reads \"lat lon\" lines from "
+           "standard input and answers each with a line; \"nan\" where there is no data. A negative "
+           "latitude after --: otwd height -- DB -33.9 18.4."
+           "\vExit status: 0 answered, 64 bad usage, 65 a bad database or line, 66 no such file.",
+};
+
+static int answer(struct terrain_source *source, struct geoid *geoid,
+                  const struct height_options *options, double lat_deg, double lon_deg)
+{
+    double height_m, normal[3];
+    int r = database_source_height(source, lat_deg, lon_deg, &height_m,
+                                   options->normal ? normal : NULL);
+    if (r < 0)
+        return r;
+    if (geoid)
+        height_m += geoid_undulation_m(geoid, lat_deg, longitude_normalised_deg(lon_deg));
+    if (isnan(height_m))
+        fputs("nan", stdout);
+    else
+        printf("%.3f", height_m);
+    if (options->normal)
+        printf(" %.6f %.6f %.6f", normal[0], normal[1], normal[2]);
+    putchar('\n');
+    return 0;
+}
+
+/* "lat lon" within the Earth, nothing after. */
+static bool parse_place(const char *text, double *ret_lat_deg, double *ret_lon_deg)
+{
+    char rest;
+    return sscanf(text, "%lf%*[ ,\t]%lf %c", ret_lat_deg, ret_lon_deg, &rest) == 2 &&
+           fabs(*ret_lat_deg) <= 90.0 && fabs(*ret_lon_deg) <= 360.0;
+}
+
+static int answer_lines(struct terrain_source *source, struct geoid *geoid,
+                        const struct height_options *options, struct diag *diag)
+{
+    char line[256];
+    double lat_deg, lon_deg;
+    for (unsigned long number = 1; fgets(line, sizeof(line), stdin); number++) {
+        if (!parse_place(line, &lat_deg, &lon_deg))
+            return diag_set(diag, -EBADMSG,
+                            "standard input:%lu: expected latitude and longitude in degrees",
+                            number);
+        int r = answer(source, geoid, options, lat_deg, lon_deg);
+        if (r < 0)
+            return diag_set(diag, r, "%s: cannot read the terrain", options->database);
+    }
+    return 0;
+}
+
+int height_main(int argc, char **argv)
+{
+    struct height_options options = {0};
+    cli_parse(&parser, "height", argc, argv, &options);
+    struct diag diag = {0};
+    struct terrain_source *source = NULL;
+    struct geoid *geoid = NULL;
+    int r = database_source_open(options.database, 256, &source, &diag);
+    if (r == 0 && options.ellipsoid)
+        r = geoid_setup_open("egm96", &geoid, &diag);
+    if (r == 0 && options.lat) {
+        char place[128];
+        double lat_deg, lon_deg;
+        snprintf(place, sizeof(place), "%s %s", options.lat, options.lon);
+        r = parse_place(place, &lat_deg, &lon_deg)
+                ? answer(source, geoid, &options, lat_deg, lon_deg)
+                : diag_set(&diag, -EINVAL,
+                           "\"%s\" is no place: latitude -90 to 90, longitude -360 to 360", place);
+    } else if (r == 0) {
+        r = answer_lines(source, geoid, &options, &diag);
+    }
+    geoid_close(geoid);
+    terrain_source_destroy(source);
+    if (fflush(stdout) != 0 && r == 0)
+        r = diag_set(&diag, -EIO, "standard output: %s", strerror(errno));
+    return r < 0 ? cli_fail(r, &diag) : EX_OK;
+}

@@ -1,0 +1,124 @@
+/* `otwd info DB`: what a terrain database holds. */
+#include <errno.h>
+#include <jansson.h>
+#include <stdio.h>
+#include <sysexits.h>
+
+#include "daemon/cli.h"
+#include "daemon/commands.h"
+#include "terrain/database.h"
+
+struct info_options {
+    const char *database;
+    bool json;
+};
+
+static const struct argp_option known[] = {
+    {"json", 'j', NULL, 0, "as JSON", 0},
+    {0},
+};
+
+static error_t parse_option(int key, char *argument, struct argp_state *state)
+{
+    struct info_options *options = state->input;
+    switch (key) {
+    case 'j': options->json = true; return 0;
+    case ARGP_KEY_ARG:
+        if (options->database)
+            argp_error(state, "one DB at a time");
+        options->database = argument;
+        return 0;
+    case ARGP_KEY_END:
+        if (!options->database)
+            argp_error(state, "DB is missing");
+        return 0;
+    default: return ARGP_ERR_UNKNOWN;
+    }
+}
+
+static const struct argp parser = {
+    .options = known,
+    .parser = parse_option,
+    .args_doc = "DB",
+    .doc = "Extent, levels, error bound and size of a terrain database."
+           "\vExit status: 0 shown, 64 bad usage, 65 not a terrain database, 66 no such file.",
+};
+
+static void print_info(const struct database_info *info)
+{
+    printf("%s: terrain database, format %d\n", info->path, info->version);
+    printf("extent        %.6f to %.6f N, %.6f to %.6f E\n", info->south_deg, info->north_deg,
+           info->west_deg, info->east_deg);
+    printf("heights       %.1f to %.1f m above EGM96, error at most %g m\n", info->min_m,
+           info->max_m, info->max_error_m);
+    printf("spacing       %.6g x %.6g arc seconds (latitude x longitude), %d posts a degree\n",
+           info->finest_lat_step_deg * 3600.0, info->finest_lon_step_deg * 3600.0,
+           info->posts_per_degree);
+    printf("size          %llu bytes, %llu posts, %.3f bytes a post\n",
+           (unsigned long long)info->file_bytes, (unsigned long long)info->posts,
+           info->bytes_per_post);
+    for (int level = 0; level < info->levels; level++)
+        printf("level %-2d      %llu tiles, %llu bytes\n", level,
+               (unsigned long long)info->level[level].tiles,
+               (unsigned long long)info->level[level].bytes);
+    for (size_t i = 0; i < info->source_count; i++) {
+        const struct database_source_info *s = &info->sources[i];
+        printf("source        %s, %d x %d, %s, priority %d, %s\n", s->name, s->width, s->height,
+               s->vertical, s->priority, s->exact ? "posts as they came" : "resampled");
+    }
+}
+
+static json_t *json_sources(const struct database_info *info)
+{
+    json_t *list = json_array();
+    for (size_t i = 0; i < info->source_count; i++) {
+        const struct database_source_info *s = &info->sources[i];
+        json_array_append_new(
+            list, json_pack("{s:s,s:s,s:i,s:b,s:i,s:i,s:I}", "name", s->name, "vertical",
+                            s->vertical, "priority", s->priority, "exact", s->exact, "width",
+                            s->width, "height", s->height, "bytes", (json_int_t)s->bytes));
+    }
+    return list;
+}
+
+static void print_json(const struct database_info *info)
+{
+    json_t *levels = json_array();
+    for (int level = 0; level < info->levels; level++)
+        json_array_append_new(levels, json_pack("{s:I,s:I}", "tiles",
+                                                (json_int_t)info->level[level].tiles, "bytes",
+                                                (json_int_t)info->level[level].bytes));
+    json_t *root = json_pack(
+        "{s:s,s:i,s:i,s:{s:f,s:f,s:f,s:f},s:f,s:f,s:f,s:f,s:f,s:I,s:I,s:f,s:o,s:o}", "path",
+        info->path, "format", info->version, "posts_per_degree", info->posts_per_degree, "extent_deg",
+        "south", info->south_deg, "west", info->west_deg, "north", info->north_deg, "east",
+        info->east_deg, "lat_step_deg", info->finest_lat_step_deg, "lon_step_deg",
+        info->finest_lon_step_deg, "min_m", info->min_m, "max_m", info->max_m, "max_error_m",
+        info->max_error_m, "posts", (json_int_t)info->posts, "file_bytes",
+        (json_int_t)info->file_bytes, "bytes_per_post", info->bytes_per_post, "levels", levels,
+        "sources", json_sources(info));
+    json_dumpf(root, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(12));
+    putchar('\n');
+    json_decref(root);
+}
+
+int info_main(int argc, char **argv)
+{
+    struct info_options options = {0};
+    cli_parse(&parser, "info", argc, argv, &options);
+    struct diag diag = {0};
+    struct database *database = NULL;
+    struct database_info info = {0};
+    int r = database_open(options.database, &database, &diag);
+    if (r == 0)
+        r = database_info(database, &info, &diag);
+    if (r == 0) {
+        if (options.json)
+            print_json(&info);
+        else
+            print_info(&info);
+    }
+    database_info_finish(&info);
+    database_close(database);
+    return r < 0 ? cli_fail(r, &diag) : EX_OK;
+}

@@ -1,0 +1,55 @@
+/* otwd: a table of subcommands. */
+#include <stdio.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "daemon/commands.h"
+#include "daemon/version.h"
+
+struct command {
+    const char *name;
+    int (*main)(int argc, char **argv);
+    const char *summary;
+};
+
+static const struct command commands[] = {
+    {"replay", replay_main, "a recorded flight, headless"},
+    {"demo", demo_main, "the embedded flight over the embedded terrain"},
+    {"import", import_main, "GDAL rasters into a terrain database"},
+    {"info", info_main, "what a terrain database holds"},
+    {"verify", verify_main, "every tile of a terrain database decoded and checked"},
+    {"height", height_main, "terrain height at a place"},
+    {"send", send_main, "play a flight as a host would"},
+    {"status", status_main, "a running daemon's health"},
+    {"check-config", check_config_main, "say what is wrong with a configuration"},
+};
+#define COMMANDS (sizeof(commands) / sizeof(commands[0]))
+
+static void print_usage(FILE *out)
+{
+    fputs("Usage: otwd COMMAND [ARGUMENT...]\n\n"
+          "The visual channel of a flight simulator.\n\n", out);
+    for (size_t i = 0; i < COMMANDS; i++)
+        fprintf(out, "  %-14s %s\n", commands[i].name, commands[i].summary);
+    fputs("\n`otwd COMMAND --help` says more. See otwd(1).\n", out);
+}
+
+int main(int argc, char **argv)
+{
+    const char *name = argc > 1 ? argv[1] : "";
+    if (strcmp(name, "--version") == 0) {
+        printf("otwd %s (%s)\n", OTWD_VERSION, OTWD_COMMIT);
+        return EX_OK;
+    }
+    if (strcmp(name, "--help") == 0 || strcmp(name, "help") == 0) {
+        print_usage(stdout);
+        return EX_OK;
+    }
+    for (size_t i = 0; i < COMMANDS; i++)
+        if (strcmp(name, commands[i].name) == 0)
+            return commands[i].main(argc - 1, argv + 1);
+    if (*name)
+        fprintf(stderr, "otwd: there is no command \"%s\"\n", name);
+    print_usage(stderr);
+    return EX_USAGE;
+}

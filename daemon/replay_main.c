@@ -1,0 +1,183 @@
+/* `otwd replay`: the command line. */
+#include <errno.h>
+#include <jansson.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "config/config.h"
+#include "daemon/check_config.h"
+#include "daemon/cli.h"
+#include "daemon/config_channel.h"
+#include "daemon/geoid_function.h"
+#include "daemon/replay.h"
+
+enum { OPT_TERRAIN = 256, OPT_SIZE, OPT_RATE, OPT_SPEED, OPT_TECHNIQUE, OPT_PIXEL_ERROR, OPT_FRAMES,
+       OPT_EVERY, OPT_VIDEO, OPT_GEO, OPT_REPORT, OPT_PROTOCOL, OPT_JSON, OPT_GEOID, OPT_UTC };
+
+struct replay_options {
+    struct replay_params params;
+    const char *flight, *config_path;
+    struct config config;
+    bool have_config, force_protocol, json, quiet;
+    enum pose_protocol protocol;
+};
+
+static const struct argp_option known[] = {
+    {"config", 'c', "FILE", 0, "channel, display, terrain and environment from a configuration", 0},
+    {"terrain", OPT_TERRAIN, "DB", 0, "a terrain database (default: the embedded planet)", 0},
+    {"geoid", OPT_GEOID, "egm96|FILE", 0, "the geoid of heights above mean sea level", 0},
+    {"size", OPT_SIZE, "WxH", 0, "pixels (default 1024x576)", 0},
+    {"rate", OPT_RATE, "HZ", 0, "frames a second (default 60)", 0},
+    {"speed", OPT_SPEED, "X|max", 0,
+     "flight seconds a second (default 1); max: as fast as it can, every frame complete", 0},
+    {"technique", OPT_TECHNIQUE, "NAME", 0, "how the terrain is drawn (clipmap)", 0},
+    {"pixel-error", OPT_PIXEL_ERROR, "PX", 0, "error allowed on the screen (default 1)", 0},
+    {"time-utc", OPT_UTC, "TIME", 0,
+     "when the flight starts, for the sun: 2026-06-21T09:30:00Z (default: ten in the morning)", 0},
+    {"frames", OPT_FRAMES, "DIR", 0, "write frames as DIR/frame-%06d.png", 0},
+    {"every", OPT_EVERY, "N", 0, "only every Nth frame to --frames and --geo", 0},
+    {"video", OPT_VIDEO, "FILE.mp4", 0, "write a video (needs ffmpeg)", 0},
+    {"geo", OPT_GEO, "DIR", 0,
+     "write latitude, longitude and height of every pixel as DIR/frame-%06d.tif", 0},
+    {"report", OPT_REPORT, "DIR", 0, "write report.json, frames.csv and report.html", 0},
+    {"protocol", OPT_PROTOCOL, "NAME", 0,
+     "of a pcap: native or flightgear (default: found out packet by packet)", 0},
+    {"json", OPT_JSON, NULL, 0, "print the report as JSON", 0},
+    {"quiet", 'q', NULL, 0, "print errors only", 0},
+    {0},
+};
+
+/* The configuration comes first, wherever -c stands, so that other options override it. */
+static void load_config(struct argp_state *state, struct replay_options *options, const char *path)
+{
+    struct config_errors errors = {0};
+    int r = config_load(path, &options->config, &errors);
+    if (r < 0) {
+        check_config_print(stderr, &errors);
+        exit(check_config_exit_status(r));
+    }
+    config_errors_finish(&errors);
+    options->have_config = true;
+    config_to_channel(&options->config, &options->params.channel);
+    options->params.rate_hz = options->config.display.rate_hz;
+    options->params.utc_ns = options->config.environment.time_utc_ns;
+    (void)state;
+}
+
+static void parse_speed(struct argp_state *state, struct replay_params *params, const char *text)
+{
+    params->speed = strcmp(text, "max") == 0 ? 0.0 : cli_number(state, "speed", text, 0.01, 1000.0);
+}
+
+static error_t parse_option(int key, char *argument, struct argp_state *state)
+{
+    struct replay_options *options = state->input;
+    struct replay_params *params = &options->params;
+    switch (key) {
+    case 'c': return 0; /* taken before */
+    case 'q': options->quiet = true; return 0;
+    case OPT_TERRAIN: params->channel.terrain_path = argument; return 0;
+    case OPT_GEOID: params->channel.geoid = argument; return 0;
+    case OPT_SIZE:
+        cli_size(state, argument, &params->channel.width, &params->channel.height);
+        return 0;
+    case OPT_RATE: params->rate_hz = cli_number(state, "rate", argument, 0.1, 1000.0); return 0;
+    case OPT_SPEED: parse_speed(state, params, argument); return 0;
+    case OPT_TECHNIQUE: params->channel.technique = argument; return 0;
+    case OPT_PIXEL_ERROR:
+        params->channel.pixel_error = cli_number(state, "pixel-error", argument, 0.1, 100.0);
+        return 0;
+    case OPT_UTC:
+        if (clock_parse_utc(argument, &params->utc_ns) < 0)
+            argp_error(state, "--time-utc takes YYYY-MM-DDThh:mm:ssZ, not \"%s\"", argument);
+        return 0;
+    case OPT_FRAMES: params->output.frames_dir = argument; return 0;
+    case OPT_EVERY:
+        params->output.every = (unsigned)cli_number(state, "every", argument, 1.0, 1e9);
+        return 0;
+    case OPT_VIDEO: params->output.video_path = argument; return 0;
+    case OPT_GEO: params->output.geo_dir = argument; return 0;
+    case OPT_REPORT: params->report_dir = argument; return 0;
+    case OPT_PROTOCOL:
+        options->force_protocol = true;
+        if (pose_protocol_from_name(argument, &options->protocol) < 0)
+            argp_error(state, "--protocol takes native or flightgear, not \"%s\"", argument);
+        return 0;
+    case OPT_JSON: options->json = true; return 0;
+    case ARGP_KEY_ARG:
+        if (options->flight)
+            argp_error(state, "one FLIGHT at a time");
+        options->flight = argument;
+        return 0;
+    case ARGP_KEY_END:
+        if (!options->flight)
+            argp_error(state, "FLIGHT is missing");
+        return 0;
+    default: return ARGP_ERR_UNKNOWN;
+    }
+}
+
+static const struct argp parser = {
+    .options = known,
+    .parser = parse_option,
+    .args_doc = "FLIGHT",
+    .doc = "Replay a recorded flight headless: a recording (.otwlog), CSV, pcap, candump log or IGC."
+           "\vExit status: 0 flown, 64 bad usage, 65 not a flight or a bad database, 66 a file is "
+           "missing, 69 no OpenGL 4.5, 74 a file cannot be written, 78 a bad configuration.",
+};
+
+/* Finds -c before argp runs, because options override the configuration. */
+static error_t parse_config_only(int key, char *argument, struct argp_state *state)
+{
+    if (key == 'c')
+        load_config(state, state->input, argument);
+    return 0;
+}
+
+static const struct argp config_parser = {.options = known, .parser = parse_config_only};
+
+static int load_flight(const struct replay_options *options, struct flight **ret_flight,
+                       struct diag *diag)
+{
+    struct geoid *geoid;
+    int r = geoid_setup_open(options->params.channel.geoid, &geoid, diag);
+    if (r < 0)
+        return r;
+    struct flight_params params = {.geoid = geoid_function_of(geoid),
+                                   .force_protocol = options->force_protocol,
+                                   .protocol = options->protocol};
+    r = flight_load(options->flight, &params, ret_flight, diag);
+    geoid_close(geoid);
+    return r;
+}
+
+int replay_main(int argc, char **argv)
+{
+    struct replay_options options = {.params = replay_defaults()};
+    argp_parse(&config_parser, argc, argv, ARGP_SILENT, NULL, &options);
+    cli_parse(&parser, "replay", argc, argv, &options);
+    options.params.flight_name = options.flight;
+    options.params.progress = options.params.progress && !options.quiet;
+    struct diag diag = {0};
+    struct flight *flight = NULL;
+    struct report report = {0};
+    struct report_facts facts;
+    int r = load_flight(&options, &flight, &diag);
+    if (r == 0)
+        r = replay_fly(flight, &options.params, &report, &facts, &diag);
+    if (r == 0 && options.json) {
+        json_t *json = report_json(&report, &facts);
+        json_dumpf(json, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(7));
+        putchar('\n');
+        json_decref(json);
+    } else if (r == 0 && !options.quiet) {
+        replay_print_summary(&report, &facts);
+    }
+    report_finish(&report);
+    flight_destroy(flight);
+    if (options.have_config)
+        config_finish(&options.config);
+    return r < 0 ? cli_fail(r, &diag) : EX_OK;
+}

@@ -1,0 +1,120 @@
+/* `otwd send FLIGHT --to URL`: plays a flight as a host would. */
+#include <errno.h>
+#include <signal.h>
+#include <stdio.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "daemon/cli.h"
+#include "daemon/commands.h"
+#include "daemon/geoid_function.h"
+#include "io/sender.h"
+
+enum { OPT_TO = 256, OPT_PROTOCOL, OPT_RATE, OPT_SPEED, OPT_JITTER, OPT_LOSS, OPT_REORDER, OPT_SEED };
+
+struct send_options {
+    struct send_params params;
+    const char *flight, *url;
+    bool quiet;
+};
+
+static atomic_bool stopping;
+
+static const struct argp_option known[] = {
+    {"to", OPT_TO, "URL", 0, "udp://HOST:PORT, can:INTERFACE or sim:PATH", 0},
+    {"protocol", OPT_PROTOCOL, "NAME", 0, "native, flightgear or canaerospace (default: native, "
+                                          "over CAN canaerospace)", 0},
+    {"rate", OPT_RATE, "HZ", 0, "poses a second (default 60)", 0},
+    {"speed", OPT_SPEED, "X", 0, "flight seconds a second (default 1)", 0},
+    {"jitter-ms", OPT_JITTER, "MS", 0, "each packet leaves up to this much late", 0},
+    {"loss", OPT_LOSS, "P", 0, "chance of a packet to be left out, 0 to 1", 0},
+    {"reorder", OPT_REORDER, "P", 0, "chance of a packet to change places with the next, 0 to 1", 0},
+    {"seed", OPT_SEED, "N", 0, "of jitter, loss and reordering (default 1)", 0},
+    {"quiet", 'q', NULL, 0, "print errors only", 0},
+    {0},
+};
+
+static error_t parse_option(int key, char *argument, struct argp_state *state)
+{
+    struct send_options *options = state->input;
+    struct send_params *params = &options->params;
+    switch (key) {
+    case 'q': options->quiet = true; return 0;
+    case OPT_TO: options->url = argument; return 0;
+    case OPT_PROTOCOL:
+        if (pose_protocol_from_name(argument, &params->protocol) < 0)
+            argp_error(state, "--protocol takes native, flightgear or canaerospace, not \"%s\"",
+                       argument);
+        return 0;
+    case OPT_RATE: params->rate_hz = cli_number(state, "rate", argument, 0.1, 10000.0); return 0;
+    case OPT_SPEED: params->speed = cli_number(state, "speed", argument, 0.01, 1000.0); return 0;
+    case OPT_JITTER:
+        params->jitter_ms = cli_number(state, "jitter-ms", argument, 0.0, 10000.0);
+        return 0;
+    case OPT_LOSS: params->loss = cli_number(state, "loss", argument, 0.0, 1.0); return 0;
+    case OPT_REORDER: params->reorder = cli_number(state, "reorder", argument, 0.0, 1.0); return 0;
+    case OPT_SEED: params->seed = (uint64_t)cli_number(state, "seed", argument, 0.0, 1e15); return 0;
+    case ARGP_KEY_ARG:
+        if (options->flight)
+            argp_error(state, "one FLIGHT at a time");
+        options->flight = argument;
+        return 0;
+    case ARGP_KEY_END:
+        if (!options->flight || !options->url)
+            argp_error(state, options->flight ? "--to URL is missing" : "FLIGHT is missing");
+        return 0;
+    default: return ARGP_ERR_UNKNOWN;
+    }
+}
+
+static const struct argp parser = {
+    .options = known,
+    .parser = parse_option,
+    .args_doc = "FLIGHT --to URL",
+    .doc = "Play a flight as a host would: a recording, CSV, pcap, candump log or IGC."
+           "\vExit status: 0 sent, 64 bad usage, 65 not a flight, 66 no such file, 69 the target "
+           "cannot be reached.",
+};
+
+static void stop(int signal_number)
+{
+    (void)signal_number;
+    atomic_store(&stopping, true);
+}
+
+static bool is_can(const char *url)
+{
+    return strncmp(url, "can:", 4) == 0 || strncmp(url, "sim:", 4) == 0;
+}
+
+int send_main(int argc, char **argv)
+{
+    struct send_options options = {.params = {.protocol = POSE_PROTOCOLS, .seed = 1}};
+    cli_parse(&parser, "send", argc, argv, &options);
+    if (options.params.protocol == POSE_PROTOCOLS)
+        options.params.protocol =
+            is_can(options.url) ? POSE_PROTOCOL_CANAEROSPACE : POSE_PROTOCOL_NATIVE;
+    signal(SIGINT, stop);
+    signal(SIGTERM, stop);
+    struct diag diag = {0};
+    struct geoid *geoid = NULL;
+    struct flight *flight = NULL;
+    struct send_schedule *schedule = NULL;
+    struct send_result result = {0};
+    int r = geoid_setup_open("egm96", &geoid, &diag);
+    options.params.geoid = geoid_function_of(geoid);
+    struct flight_params flight_params = {.geoid = options.params.geoid};
+    if (r == 0)
+        r = flight_load(options.flight, &flight_params, &flight, &diag);
+    if (r == 0)
+        r = send_schedule_create(flight, &options.params, &schedule, &diag);
+    if (r == 0)
+        r = send_run(schedule, options.url, options.params.protocol, &stopping, &result, &diag);
+    if (r == 0 && !options.quiet)
+        printf("%llu packets sent, %llu left out, %llu refused\n", (unsigned long long)result.sent,
+               (unsigned long long)schedule->left_out, (unsigned long long)result.failed);
+    send_schedule_destroy(schedule);
+    flight_destroy(flight);
+    geoid_close(geoid);
+    return r < 0 ? cli_fail(r, &diag) : EX_OK;
+}

@@ -1,0 +1,52 @@
+#include "daemon/terrain_setup.h"
+
+#include <limits.h>
+#include <string.h>
+
+#include "geo/egm96.h"
+#include "geo/geographic.h"
+#include "terrain/database.h"
+#include "terrain/planet.h"
+
+#define DATABASE_CACHE_TILES 2048 /* 129 x 129 floats each: 136 MB at most */
+
+int geoid_setup_open(const char *name, struct geoid **ret_geoid, struct diag *diag)
+{
+    char path[PATH_MAX];
+    if (strcmp(name, "none") == 0) {
+        *ret_geoid = NULL;
+        return 0;
+    }
+    if (strcmp(name, "egm96") != 0)
+        return geoid_open(name, ret_geoid, diag);
+    int r = egm96_prepare(path, sizeof(path), diag);
+    return r < 0 ? r : geoid_open(path, ret_geoid, diag);
+}
+
+int terrain_setup_open(const char *terrain_path, const char *geoid, struct terrain_setup *ret_setup,
+                       struct diag *diag)
+{
+    struct terrain_setup setup = {0};
+    int r = geoid_setup_open(geoid, &setup.geoid, diag);
+    if (r == 0 && terrain_path[0] != '\0') {
+        r = database_source_open(terrain_path, DATABASE_CACHE_TILES, &setup.source, diag);
+        if (r == 0)
+            r = planet_open(&setup.fallback, diag);
+    } else if (r == 0) {
+        r = planet_open(&setup.source, diag);
+    }
+    if (r < 0) {
+        terrain_setup_close(&setup);
+        return r;
+    }
+    *ret_setup = setup;
+    return 0;
+}
+
+void terrain_setup_close(struct terrain_setup *setup)
+{
+    terrain_source_destroy(setup->source);
+    terrain_source_destroy(setup->fallback);
+    geoid_close(setup->geoid);
+    *setup = (struct terrain_setup){0};
+}

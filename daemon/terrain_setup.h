@@ -1,0 +1,21 @@
+/* Opens what a terrain path and a geoid name stand for. */
+#pragma once
+
+#include "base/diag.h"
+#include "terrain/source.h"
+
+struct geoid;
+
+struct terrain_setup {
+    struct terrain_source *source;   /* the database, or the planet where the path is "" */
+    struct terrain_source *fallback; /* the planet beneath a database, else NULL */
+    struct geoid *geoid;             /* NULL for "none" */
+};
+
+/* The caller owns what it gets. A missing geoid is -ENOENT with a sentence. */
+int terrain_setup_open(const char *terrain_path, const char *geoid, struct terrain_setup *ret_setup,
+                       struct diag *diag);
+void terrain_setup_close(struct terrain_setup *setup);
+
+/* "egm96", "none" or a file: the geoid alone. */
+int geoid_setup_open(const char *name, struct geoid **ret_geoid, struct diag *diag);

@@ -1,0 +1,95 @@
+/* `otwd verify DB`: every tile decoded and checked. */
+#include <errno.h>
+#include <jansson.h>
+#include <stdio.h>
+#include <sysexits.h>
+#include <unistd.h>
+
+#include "daemon/cli.h"
+#include "daemon/commands.h"
+#include "terrain/database.h"
+
+struct verify_options {
+    const char *database;
+    bool json, quiet, progress;
+    json_t *faults;
+};
+
+static const struct argp_option known[] = {
+    {"json", 'j', NULL, 0, "as JSON", 0},
+    {"quiet", 'q', NULL, 0, "only the exit status", 0},
+    {0},
+};
+
+static error_t parse_option(int key, char *argument, struct argp_state *state)
+{
+    struct verify_options *options = state->input;
+    switch (key) {
+    case 'j': options->json = true; return 0;
+    case 'q': options->quiet = true; return 0;
+    case ARGP_KEY_ARG:
+        if (options->database)
+            argp_error(state, "one DB at a time");
+        options->database = argument;
+        return 0;
+    case ARGP_KEY_END:
+        if (!options->database)
+            argp_error(state, "DB is missing");
+        return 0;
+    default: return ARGP_ERR_UNKNOWN;
+    }
+}
+
+static const struct argp parser = {
+    .options = known,
+    .parser = parse_option,
+    .args_doc = "DB",
+    .doc = "Decode and check every tile of a terrain database: checksums, bounds, shared borders, "
+           "agreement of the levels. Each fault is named."
+           "\vExit status: 0 sound, 64 bad usage, 65 faults or not a terrain database, 66 no such "
+           "file.",
+};
+
+static bool tell(void *user, const struct database_fault *fault, uint64_t done, uint64_t total)
+{
+    struct verify_options *options = user;
+    if (fault && options->json)
+        json_array_append_new(options->faults, json_string(fault->text));
+    else if (fault && !options->quiet)
+        printf("%s\n", fault->text);
+    else if (!fault && options->progress)
+        fprintf(stderr, "\r%llu of %llu tiles", (unsigned long long)done, (unsigned long long)total);
+    return false;
+}
+
+int verify_main(int argc, char **argv)
+{
+    struct verify_options options = {0};
+    cli_parse(&parser, "verify", argc, argv, &options);
+    options.progress = isatty(STDERR_FILENO) && !options.quiet && !options.json;
+    options.faults = options.json ? json_array() : NULL;
+    struct diag diag = {0};
+    struct database *database = NULL;
+    struct database_verify_report report = {0};
+    int r = database_open(options.database, &database, &diag);
+    if (r == 0)
+        r = database_verify(database, tell, &options, &report, &diag);
+    database_close(database);
+    if (options.progress)
+        fputc('\n', stderr);
+    if (r < 0) {
+        json_decref(options.faults);
+        return cli_fail(r, &diag);
+    }
+    if (options.json) {
+        json_t *root = json_pack("{s:I,s:I,s:o}", "tiles", (json_int_t)report.tiles, "faults",
+                                 (json_int_t)report.faults, "found", options.faults);
+        json_dumpf(root, stdout, JSON_INDENT(2));
+        putchar('\n');
+        json_decref(root);
+    } else if (!options.quiet) {
+        printf("%s: %llu tiles, %llu faults\n", options.database, (unsigned long long)report.tiles,
+               (unsigned long long)report.faults);
+    }
+    return report.faults ? EX_DATAERR : EX_OK;
+}

@@ -1,0 +1,72 @@
+/* From packets to accepted poses: decoding, sequence, datum, counters. A live source and a captured
+ * flight run the same code. Pure but for the geoid it is given; one thread at a time. */
+#pragma once
+
+#include "io/canaerospace.h"
+#include "io/decode.h"
+
+enum pose_protocol {
+    POSE_PROTOCOL_NATIVE,
+    POSE_PROTOCOL_FLIGHTGEAR,
+    POSE_PROTOCOL_CANAEROSPACE,
+    POSE_PROTOCOLS
+};
+
+/* "native", "flightgear", "canaerospace". */
+const char *pose_protocol_name(enum pose_protocol protocol);
+/* Returns 0, or -EINVAL for another name. */
+int pose_protocol_from_name(const char *name, enum pose_protocol *ret_protocol);
+
+/* The geoid's height above the ellipsoid; the one place through which io/ asks for it. */
+struct geoid_function {
+    double (*undulation_m)(void *context, double lat_deg, double lon_deg);
+    void *context;
+};
+
+/* Brings `sample`'s height to the ellipsoid; its datum says so afterwards. */
+void sample_to_ellipsoid(struct pose_sample *sample, const struct geoid_function *geoid);
+
+struct intake_params {
+    enum pose_protocol protocol;
+    bool force_datum; /* `datum` instead of what the protocol says */
+    enum altitude_datum datum;
+    struct geoid_function geoid; /* required */
+};
+
+struct intake_counters {
+    uint64_t received;                 /* datagrams, or CAN frames with a parameter of ours */
+    uint64_t accepted;                 /* poses */
+    uint64_t rejected[REJECT_REASONS]; /* by reason; late ones included */
+    uint64_t lost;                     /* gaps in sequence numbers or message codes */
+    uint64_t reordered, duplicates;    /* both also count as rejected: late */
+};
+
+/* The sender's clock laid on ours: the least (receive - send) of late is the path without jitter.
+ */
+struct sender_clock {
+    bool known;
+    nsec_t offset_ns, last_receive_ns;
+};
+
+struct intake {
+    struct intake_params params;
+    struct intake_counters counters;
+    bool started;
+    uint32_t session, sequence;
+    uint64_t seen; /* bit k: sequence - k was received */
+    struct sender_clock clock;
+    struct canaerospace can;
+    double agl_m; /* of the newest FlightGear packet; NAN else */
+};
+
+void intake_init(struct intake *intake, const struct intake_params *params);
+
+/* Takes one datagram. Returns 1 with a pose whose height is above the ellipsoid, or -EBADMSG. */
+int intake_packet(struct intake *intake, const void *data, size_t size, nsec_t receive_ns,
+                  struct pose *ret_pose, struct rejection *ret_rejection);
+
+/* Takes one CAN frame. Returns 1, 0 where there is no new pose yet, or -EBADMSG. */
+int intake_frame(struct intake *intake, const struct can_frame *frame, nsec_t receive_ns,
+                 struct pose *ret_pose, struct rejection *ret_rejection);
+
+uint64_t intake_rejected_total(const struct intake_counters *counters);

@@ -1,0 +1,291 @@
+#include "io/source.h"
+
+#include <assert.h>
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/epoll.h>
+#include <sys/timerfd.h>
+#include <unistd.h>
+
+#include "io/udp.h"
+
+#define TIMEOUT_DEFAULT_NS (500 * NSEC_PER_MSEC)
+#define BURST_DEFAULT      256
+#define NODE_DEFAULT       64
+#define RETRY_TICK_NS      (100 * NSEC_PER_MSEC)
+#define DATAGRAM_MAX       2048
+#define ID_IDENTIFY        128
+
+struct pose_source {
+    char name[POSE_SOURCE_NAME_MAX];
+    unsigned priority, burst;
+    nsec_t timeout_ns;
+    struct allow_list allow;
+    struct intake intake;
+    int epoll_fd;
+    struct udp udp;      /* closed for CAN */
+    struct can_bus *bus; /* NULL for UDP */
+    unsigned generation; /* of the bus descriptor that epoll watches */
+    int retry_timer_fd;  /* ticks while the bus is down */
+    uint8_t can_node;
+    nsec_t trouble_ns; /* when the last sentence was given */
+    uint64_t untold;   /* sentences held back since */
+};
+
+static int watch(struct pose_source *source, int fd)
+{
+    struct epoll_event event = {.events = EPOLLIN, .data.fd = fd};
+    return epoll_ctl(source->epoll_fd, EPOLL_CTL_ADD, fd, &event) < 0 ? -errno : 0;
+}
+
+static void set_retry_timer(struct pose_source *source, bool on)
+{
+    struct timespec tick = {.tv_nsec = on ? RETRY_TICK_NS : 0};
+    timerfd_settime(source->retry_timer_fd, 0,
+                    &(struct itimerspec){.it_interval = tick, .it_value = tick}, NULL);
+}
+
+/* Keeps epoll and the retry timer in step with the bus, whose descriptor comes and goes. */
+static void follow_bus(struct pose_source *source)
+{
+    bool up = source->bus->fd >= 0;
+    if (up && source->generation != source->bus->generation) {
+        source->generation = source->bus->generation;
+        watch(source, source->bus->fd);
+    }
+    set_retry_timer(source, !up);
+}
+
+static int open_can(struct pose_source *source, const char *url, struct diag *diag)
+{
+    uint32_t ids[CANAEROSPACE_PARAMETERS + 1];
+    for (int i = 0; i < CANAEROSPACE_PARAMETERS; i++)
+        ids[i] = canaerospace_id((enum canaerospace_parameter)i);
+    ids[CANAEROSPACE_PARAMETERS] = ID_IDENTIFY;
+    source->retry_timer_fd = timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK);
+    if (source->retry_timer_fd < 0 || watch(source, source->retry_timer_fd) < 0)
+        return diag_set(diag, -errno, "no timer: %s", strerror(errno));
+    struct can_bus_params params = {
+        .ids = ids, .id_count = CANAEROSPACE_PARAMETERS + 1, .serve = true};
+    int r = can_bus_create(url, &params, &source->bus, diag);
+    if (r >= 0)
+        follow_bus(source);
+    return r;
+}
+
+static int open_udp(struct pose_source *source, const char *listen, struct diag *diag)
+{
+    int r = udp_listen(&source->udp, listen, diag);
+    if (r < 0)
+        return r;
+    r = watch(source, source->udp.fd);
+    return r < 0 ? diag_set(diag, r, "%s cannot be waited for", listen) : 0;
+}
+
+static int open_parts(struct pose_source *source, const struct pose_source_params *params,
+                      struct diag *diag)
+{
+    for (size_t i = 0; i < params->allow_count; i++) {
+        int r = allow_list_add(&source->allow, params->allow[i], diag);
+        if (r < 0)
+            return r;
+    }
+    source->epoll_fd = epoll_create1(EPOLL_CLOEXEC);
+    if (source->epoll_fd < 0)
+        return diag_set(diag, -errno, "no epoll descriptor: %s", strerror(errno));
+    return params->intake.protocol == POSE_PROTOCOL_CANAEROSPACE
+               ? open_can(source, params->endpoint, diag)
+               : open_udp(source, params->endpoint, diag);
+}
+
+int pose_source_open(const struct pose_source_params *params, struct pose_source **ret_source,
+                     struct diag *diag)
+{
+    struct pose_source *source = calloc(1, sizeof(*source));
+    if (!source)
+        return diag_set(diag, -ENOMEM, "source %s: no memory", params->name);
+    source->epoll_fd = source->retry_timer_fd = source->udp.fd = -1;
+    snprintf(source->name, sizeof(source->name), "%s", params->name);
+    source->priority = params->priority ? params->priority : 1;
+    source->timeout_ns = params->timeout_ns ? params->timeout_ns : TIMEOUT_DEFAULT_NS;
+    source->burst = params->burst ? params->burst : BURST_DEFAULT;
+    source->can_node = params->can_node ? params->can_node : NODE_DEFAULT;
+    intake_init(&source->intake, &params->intake);
+    int r = open_parts(source, params, diag);
+    if (r != 0)
+        diag_prefix(diag, "source %s", source->name);
+    if (r < 0) {
+        pose_source_close(source);
+        return r;
+    }
+    *ret_source = source;
+    return r > 0 ? POSE_SOURCE_DOWN : 0;
+}
+
+void pose_source_close(struct pose_source *source)
+{
+    if (!source)
+        return;
+    can_bus_destroy(source->bus);
+    udp_close(&source->udp);
+    if (source->retry_timer_fd >= 0)
+        close(source->retry_timer_fd);
+    if (source->epoll_fd >= 0)
+        close(source->epoll_fd);
+    free(source);
+}
+
+static void tell(struct pose_source *source, nsec_t now_ns, const struct pose_source_events *events,
+                 const char *text)
+{
+    if (source->trouble_ns && now_ns - source->trouble_ns < NSEC_PER_SEC) {
+        source->untold++;
+        return;
+    }
+    char sentence[DIAG_TEXT_MAX];
+    if (source->untold)
+        snprintf(sentence, sizeof(sentence), "source %s: %s (and %llu more since the last message)",
+                 source->name, text, (unsigned long long)source->untold);
+    else
+        snprintf(sentence, sizeof(sentence), "source %s: %s", source->name, text);
+    source->trouble_ns = now_ns;
+    source->untold = 0;
+    if (events->trouble)
+        events->trouble(events->context, source, sentence);
+}
+
+static void take_result(struct pose_source *source, nsec_t now_ns,
+                        const struct pose_source_events *events, int r, const struct pose *pose,
+                        const struct rejection *rejection)
+{
+    if (r > 0 && events->pose)
+        events->pose(events->context, source, pose);
+    if (r < 0 && rejection->reason != REJECT_LATE) { /* late ones are counted, not news */
+        char text[sizeof(rejection->text) + 64];
+        snprintf(text, sizeof(text), "packet refused (%s): %s",
+                 reject_reason_name(rejection->reason), rejection->text);
+        tell(source, now_ns, events, text);
+    }
+}
+
+static void refuse_sender(struct pose_source *source, nsec_t now_ns,
+                          const struct pose_source_events *events, const union address *sender)
+{
+    char who[ADDRESS_TEXT_MAX], text[ADDRESS_TEXT_MAX + 64];
+    source->intake.counters.received++;
+    source->intake.counters.rejected[REJECT_SENDER]++;
+    address_format(sender, who);
+    snprintf(text, sizeof(text), "packet refused (sender): %s is not on the allow-list", who);
+    tell(source, now_ns, events, text);
+}
+
+static void dispatch_udp(struct pose_source *source, nsec_t now_ns,
+                         const struct pose_source_events *events)
+{
+    for (unsigned i = 0; i < source->burst; i++) {
+        uint8_t buffer[DATAGRAM_MAX];
+        struct datagram datagram;
+        int r = udp_receive(&source->udp, buffer, sizeof(buffer), &datagram);
+        if (r < 0)
+            tell(source, now_ns, events, strerror(-r));
+        if (r <= 0)
+            return;
+        if (!allow_list_admits(&source->allow, &datagram.sender)) {
+            refuse_sender(source, now_ns, events, &datagram.sender);
+            continue;
+        }
+        if (events->packet)
+            events->packet(events->context, source, buffer, datagram.size, datagram.receive_ns);
+        struct pose pose;
+        struct rejection rejection;
+        /* A truncated one is longer than any version: its length alone refuses it. */
+        r = intake_packet(&source->intake, buffer, datagram.size, datagram.receive_ns, &pose,
+                          &rejection);
+        take_result(source, now_ns, events, r, &pose, &rejection);
+    }
+}
+
+static void dispatch_can(struct pose_source *source, nsec_t now_ns,
+                         const struct pose_source_events *events)
+{
+    uint64_t ticks;
+    if (read(source->retry_timer_fd, &ticks, sizeof(ticks)) > 0)
+        can_bus_service(source->bus, now_ns);
+    for (unsigned i = 0; i < source->burst; i++) {
+        struct can_frame frame, answer;
+        nsec_t receive_ns;
+        struct diag diag;
+        int r = can_bus_receive(source->bus, &frame, &receive_ns, &diag);
+        if (r < 0)
+            tell(source, now_ns, events, diag.text);
+        if (r <= 0)
+            break;
+        if (canaerospace_identify(&frame, source->can_node, &answer)) {
+            can_bus_send(source->bus, &answer);
+            continue;
+        }
+        if (events->packet)
+            events->packet(events->context, source, &frame, sizeof(frame), receive_ns);
+        struct pose pose;
+        struct rejection rejection;
+        r = intake_frame(&source->intake, &frame, receive_ns, &pose, &rejection);
+        take_result(source, now_ns, events, r, &pose, &rejection);
+    }
+    follow_bus(source);
+}
+
+void pose_source_dispatch(struct pose_source *source, nsec_t now_ns,
+                          const struct pose_source_events *events)
+{
+    if (source->bus)
+        dispatch_can(source, now_ns, events);
+    else
+        dispatch_udp(source, now_ns, events);
+}
+
+int pose_source_fd(const struct pose_source *source)
+{
+    return source->epoll_fd;
+}
+
+const char *pose_source_name(const struct pose_source *source)
+{
+    return source->name;
+}
+
+unsigned pose_source_priority(const struct pose_source *source)
+{
+    return source->priority;
+}
+
+nsec_t pose_source_timeout_ns(const struct pose_source *source)
+{
+    return source->timeout_ns;
+}
+
+enum pose_protocol pose_source_protocol(const struct pose_source *source)
+{
+    return source->intake.params.protocol;
+}
+
+const struct intake_counters *pose_source_counters(const struct pose_source *source)
+{
+    return &source->intake.counters;
+}
+
+uint64_t pose_source_kernel_drops(const struct pose_source *source)
+{
+    return source->bus ? source->bus->frames_dropped : source->udp.kernel_drops;
+}
+
+enum can_state pose_source_can_state(const struct pose_source *source)
+{
+    return source->bus ? source->bus->state : CAN_STATE_NONE;
+}
+
+unsigned pose_source_port(const struct pose_source *source)
+{
+    return source->bus ? 0 : address_port(&source->udp.local);
+}

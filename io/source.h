@@ -1,0 +1,64 @@
+/* One place that poses come from: a transport, a protocol, a rank. Belongs to the event loop's
+ * thread: wait until its one descriptor is readable, then dispatch. */
+#pragma once
+
+#include "base/diag.h"
+#include "io/can_bus.h"
+#include "io/intake.h"
+
+#define POSE_SOURCE_NAME_MAX 32
+
+struct pose_source_params {
+    const char *name;     /* copied */
+    const char *endpoint; /* "ADDRESS:PORT", or for CANaerospace "can:INTERFACE" or "sim:PATH" */
+    struct intake_params intake;
+    unsigned priority;        /* 1 is the best; 0 = 1 */
+    nsec_t timeout_ns;        /* silent for longer = not live; 0 = 500 ms */
+    const char *const *allow; /* senders: addresses and networks; none = whoever reaches it */
+    size_t allow_count;
+    unsigned burst;   /* packets taken in one dispatch, so that a flood starves nobody; 0 = 256 */
+    uint8_t can_node; /* our node number for the identification service; 0 = 64 */
+};
+
+struct pose_source;
+
+/* What a dispatch tells. Members may be NULL. Nothing here may close the source. */
+struct pose_source_events {
+    void *context;
+    /* An accepted pose, height above the ellipsoid. */
+    void (*pose)(void *context, struct pose_source *source, const struct pose *pose);
+    /* What came in from an allowed sender, before decoding: a datagram, or a struct can_frame. */
+    void (*packet)(void *context, struct pose_source *source, const void *data, size_t size,
+                   nsec_t receive_ns);
+    /* A refusal or a fault in one sentence that names the source; at most one a second. */
+    void (*trouble)(void *context, struct pose_source *source, const char *sentence);
+};
+
+#define POSE_SOURCE_DOWN 1
+
+/* Returns 0; POSE_SOURCE_DOWN: it is open, but its bus is down, the sentence says why, and it will
+ * come back by itself; or -errno with a sentence that names the source. */
+int pose_source_open(const struct pose_source_params *params, struct pose_source **ret_source,
+                     struct diag *diag);
+
+/* Legal on NULL. */
+void pose_source_close(struct pose_source *source);
+
+/* Readable when there is something to dispatch. Never changes. */
+int pose_source_fd(const struct pose_source *source);
+
+/* Takes what waits, up to the burst. */
+void pose_source_dispatch(struct pose_source *source, nsec_t now_ns,
+                          const struct pose_source_events *events);
+
+const char *pose_source_name(const struct pose_source *source);
+unsigned pose_source_priority(const struct pose_source *source);
+nsec_t pose_source_timeout_ns(const struct pose_source *source);
+enum pose_protocol pose_source_protocol(const struct pose_source *source);
+const struct intake_counters *pose_source_counters(const struct pose_source *source);
+/* Packets that the kernel threw away because they were not read in time. */
+uint64_t pose_source_kernel_drops(const struct pose_source *source);
+/* CAN_STATE_NONE also where the source is not CAN. */
+enum can_state pose_source_can_state(const struct pose_source *source);
+/* The port that a UDP source is bound to; 0 for CAN. */
+unsigned pose_source_port(const struct pose_source *source);

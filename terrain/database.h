@@ -1,0 +1,121 @@
+/* The terrain database: one SQLite file with a pyramid of height tiles.
+ * docs/terrain-database.md specifies the file; terrain/grid.h says where its posts lie.
+ *
+ * Heights are metres above the EGM96 geoid. A handle belongs to one thread at a time. */
+#pragma once
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "base/diag.h"
+#include "terrain/grid.h"
+#include "terrain/source.h"
+
+#define DATABASE_APPLICATION_ID 0x4f545744 /* "OTWD" */
+#define DATABASE_FORMAT_VERSION 1
+
+#define DATABASE_NAME_MAX    512
+#define DATABASE_SOURCES_MAX 65535
+
+struct database;
+
+/* Opens a finished database for reading, also where the directory cannot be written. Failures, each
+ * with a sentence that names the file: -ENOENT; -EPROTONOSUPPORT (of another format version);
+ * -EBADMSG (not a terrain database, truncated or damaged); -EBUSY (its import is not finished, or
+ * runs); -EIO; -ENOMEM. */
+int database_open(const char *path, struct database **ret_database, struct diag *diag);
+
+/* Legal on NULL. */
+void database_close(struct database *database);
+
+/* Borrowed; lives as long as the database. */
+const struct grid *database_grid(const struct database *database);
+
+/* The coarsest level that has tiles. */
+int database_top_level(const struct database *database);
+
+enum database_read {
+    DATABASE_ABSENT = 1, /* there is no such tile: no data there */
+};
+
+/* Reads, checks and decodes one tile into TILE_POST_COUNT heights (NaN = no data). Returns 0,
+ * DATABASE_ABSENT, -EBADMSG where its checksum or its payload is wrong, -EIO. `diag` then names
+ * level, row and column. */
+int database_read_tile(struct database *database, struct tile_id id, float *ret_heights_m,
+                       struct diag *diag);
+
+/* One imported raster. */
+struct database_source_info {
+    char name[DATABASE_NAME_MAX];
+    char vertical[16]; /* of the source: egm96, egm2008, egm84, ellipsoid */
+    int priority;
+    bool exact; /* its posts lie on the grid: nothing was resampled */
+    uint64_t bytes;
+    int32_t width, height;
+    double south_deg, west_deg, north_deg, east_deg; /* of its posts; east may exceed 180 */
+};
+
+struct database_level_info {
+    uint64_t tiles, bytes; /* of payloads */
+};
+
+struct database_info {
+    char path[DATABASE_NAME_MAX];
+    int version;
+    int32_t posts_per_degree;
+    double finest_lat_step_deg, finest_lon_step_deg; /* longitude: at the extent's equator side */
+    double south_deg, west_deg, north_deg,
+        east_deg; /* of posts that have data; east may exceed 180 */
+    double min_m, max_m;
+    double max_error_m; /* asked for */
+    double step_m;      /* heights are multiples of it; 0 = stored as they came */
+    int levels;
+    struct database_level_info level[GRID_LEVELS_MAX];
+    uint64_t posts; /* with data on the finest level, shared borders counted once */
+    uint64_t file_bytes;
+    double bytes_per_post; /* file over posts */
+    size_t source_count;
+    struct database_source_info *sources; /* owned */
+};
+
+/* Fills `ret_info`, which the caller finishes. Returns 0, -EIO, -EBADMSG or -ENOMEM. */
+int database_info(struct database *database, struct database_info *ret_info, struct diag *diag);
+void database_info_finish(struct database_info *info);
+
+/* What verify found wrong; `text` is one sentence. A fault of the file as a whole has level -1. */
+struct database_fault {
+    struct tile_id id;
+    const char *text;
+};
+
+struct database_verify_report {
+    uint64_t tiles, faults;
+    bool stopped;
+};
+
+/* Called for every fault and (with NULL) once for every tile row done; true stops. */
+typedef bool (*database_verify_function)(void *user, const struct database_fault *fault,
+                                         uint64_t tiles_done, uint64_t tiles_total);
+
+/* Decodes every tile and checks: SQLite's own structure, checksums, minimum and maximum, that
+ * shared borders are equal in both tiles, that every post of a coarser level equals the finer
+ * level's, that no tile is missing. Returns 0 where it could look at everything (faults are in the
+ * report), or -errno. `function` may be NULL. */
+int database_verify(struct database *database, database_verify_function function, void *user,
+                    struct database_verify_report *ret_report, struct diag *diag);
+
+/* A terrain source over a database, keeping at most `cache_tiles` decoded tiles (66 KiB each; at
+ * least 16). Failures as database_open. A tile that is damaged or missing is counted in read_errors
+ * and drawn from its parent. */
+int database_source_open(const char *path, unsigned cache_tiles, struct terrain_source **ret_source,
+                         struct diag *diag);
+
+/* The height of the finest surface, as sample_point, and where ret_normal_enu is not NULL the
+ * surface's upward unit normal in east, north, up (NaN where the height is). `source` must come
+ * from database_source_open. Returns 0 or -errno. */
+int database_source_height(struct terrain_source *source, double lat_deg, double lon_deg,
+                           double *ret_height_m, double ret_normal_enu[3]);
+
+/* The database under a source; borrowed. */
+struct database *database_of_source(struct terrain_source *source);

@@ -1,0 +1,376 @@
+/* Heights at any place, from a database.
+ *
+ * A rectangle is filled row by row. A row of the answer lies on a row of posts or between two; each
+ * row of posts is walked tile by tile, so that the work per post is one multiplication and one
+ * blend. Where the longitude factor changes between two tile rows, the posts on their common border
+ * are read from the side nearer the equator, which has more of them: the surface is continuous
+ * there. */
+#include <errno.h>
+#include <float.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "terrain/database_extent.h"
+#include "terrain/database_internal.h"
+#include "terrain/tile_cache.h"
+
+/* Positions this near to a post, in cells, are that post: angles in degrees are not exact. */
+#define SNAP_CELLS 1e-6
+
+#define ROWS_MAX (1 << 20)
+
+struct database_source {
+    struct terrain_source source;
+    struct database *database;
+    struct tile_cache *cache;
+    struct terrain_facts facts;
+    float *rows; /* two rows of posts, owned; row_capacity each */
+    int row_capacity;
+};
+
+/* Places along a row: longitude lon0 + c * step. */
+struct columns {
+    double lon0_deg, step_deg;
+    int count;
+};
+
+/* A position across rows of posts: between `row` and `row + 1`, in the tile row `tile_row`. */
+struct row_place {
+    int64_t row;
+    int32_t tile_row;
+    float fraction;
+};
+
+static struct database_source *of(struct terrain_source *source)
+{
+    return (struct database_source *)source;
+}
+
+static struct row_place place_row(const struct grid *grid, int level, double lat_deg)
+{
+    double to_pole = ldexp(90.0 * grid->posts_per_degree, -level);
+    int64_t last = grid_cells_to_pole(grid, level);
+    double y = fmin(fmax(lat_deg, -90.0), 90.0) / grid_lat_step_deg(grid, level);
+    double nearest = nearbyint(y);
+    struct row_place place;
+    if (fabs(y) >= to_pole - SNAP_CELLS) {
+        place = (struct row_place){.row = y > 0 ? last : -last};
+    } else if (fabs(y - nearest) < SNAP_CELLS) {
+        place = (struct row_place){.row = (int64_t)nearest};
+    } else if (fabs(y) > (double)(last - 1)) { /* the cell before a pole may be lower */
+        double height = to_pole - (double)(last - 1);
+        place.row = y > 0 ? last - 1 : -last;
+        place.fraction = (float)((y > 0 ? y - (double)(last - 1) : y + to_pole) / height);
+    } else {
+        place.row = (int64_t)floor(y);
+        place.fraction = (float)(y - floor(y));
+    }
+    int64_t in_tile = place.row == last ? last - 1 : place.row;
+    place.tile_row = (int32_t)grid_floor_div(in_tile, TILE_CELLS);
+    return place;
+}
+
+/* The tile row to read a row of posts from, for a cell in `tile_row`. */
+static int32_t owner_of_row(const struct grid *grid, int level, int64_t row, int32_t tile_row)
+{
+    if (row % TILE_CELLS != 0 || row == 0)
+        return tile_row;
+    int32_t owner = (int32_t)(row > 0 ? row / TILE_CELLS - 1 : row / TILE_CELLS);
+    return grid_lon_shift(grid, level, owner) == grid_lon_shift(grid, level, tile_row) ? tile_row
+                                                                                       : owner;
+}
+
+/* One tile's part of a row: places c .. end - 1, whose position in the tile is at + c * step. */
+struct span {
+    const float *posts; /* TILE_POSTS of them, or NULL */
+    double at, step;
+    int narrow_cell; /* the cell before +180 */
+    double narrow_width;
+    int begin, end;
+};
+
+static inline float blend(float a, float b, float fraction)
+{
+    return a + (b - a) * fraction;
+}
+
+static void fill_span(const struct span *span, float *ret_heights_m)
+{
+    for (int c = span->begin; c < span->end; c++) {
+        double position = span->at + c * span->step;
+        int cell = (int)(position + SNAP_CELLS);
+        double fraction = position - cell;
+        if (fraction < SNAP_CELLS) {
+            ret_heights_m[c] = span->posts[cell];
+            continue;
+        }
+        if (cell == span->narrow_cell)
+            fraction = fmin(fraction / span->narrow_width, 1.0);
+        ret_heights_m[c] = blend(span->posts[cell], span->posts[cell + 1], (float)fraction);
+    }
+}
+
+static void fill_nan(float *heights_m, int begin, int end)
+{
+    for (int c = begin; c < end; c++)
+        heights_m[c] = NAN;
+}
+
+/* Heights along one row of posts. */
+static void fill_post_row(struct database_source *source, int level, int64_t row, int32_t tile_row,
+                          const struct columns *columns, float *ret_heights_m)
+{
+    const struct grid *grid = &source->database->grid;
+    unsigned shift = grid_lon_shift(grid, level, tile_row);
+    double width = grid_width_cells(grid, level, shift);
+    int64_t around = grid_cells_around(grid, level, shift);
+    double cell_deg = grid_lon_step_deg(grid, level, shift);
+    struct span span = {.step = columns->step_deg / cell_deg};
+    while (span.begin < columns->count) {
+        double x = (columns->lon0_deg + span.begin * columns->step_deg + 180.0) / cell_deg;
+        x -= floor(x / width) * width;
+        double nearest = nearbyint(x);
+        if (fabs(x - nearest) < SNAP_CELLS)
+            x = nearest;
+        if (x >= width - SNAP_CELLS)
+            x = 0.0;
+        int32_t tile_col = (int32_t)(x / TILE_CELLS);
+        double west = (double)tile_col * TILE_CELLS, end = fmin(TILE_CELLS, width - west);
+        span.at = x - west - span.begin * span.step;
+        span.narrow_cell =
+            around - (int64_t)west <= TILE_CELLS ? (int)(around - 1 - (int64_t)west) : -1;
+        span.narrow_width = width - (double)(around - 1);
+        double steps = span.step > 0.0 ? (end - SNAP_CELLS - (x - west)) / span.step : INFINITY;
+        span.end =
+            steps < columns->count - span.begin - 1 ? span.begin + (int)steps + 1 : columns->count;
+        struct tile_id id = {level, tile_row, tile_col};
+        const float *tile = tile_cache_get(source->cache, id);
+        if (tile) {
+            span.posts = tile + (row - (int64_t)tile_row * TILE_CELLS) * TILE_POSTS;
+            fill_span(&span, ret_heights_m);
+        } else {
+            fill_nan(ret_heights_m, span.begin, span.end);
+        }
+        span.begin = span.end;
+    }
+}
+
+/* The coarsest level that is as fine as the grid: one that falls together with the database's own
+ * posts gets those, bit for bit. */
+static int level_for(const struct database_source *source, const struct terrain_grid *grid)
+{
+    double step_deg = fmin(fabs(grid->lat_step_deg), fabs(grid->lon_step_deg)) * (1.0 + 1e-9);
+    int level = 0, top = database_top_level(source->database);
+    while (level < top && grid_lat_step_deg(&source->database->grid, level + 1) <= step_deg)
+        level++;
+    return level;
+}
+
+static int reserve_rows(struct database_source *source, int cols)
+{
+    if (cols <= source->row_capacity)
+        return 0;
+    float *rows = realloc(source->rows, 2 * (size_t)cols * sizeof(*rows));
+    if (!rows)
+        return -ENOMEM;
+    source->rows = rows;
+    source->row_capacity = cols;
+    return 0;
+}
+
+/* The two rows of posts around the current place; `held` says which rows the buffers hold. */
+struct row_pair {
+    int64_t held[2];
+    int32_t tile_row;
+    float *heights_m[2];
+};
+
+static void blend_rows(struct database_source *source, int level, const struct row_place *place,
+                       const struct columns *columns, struct row_pair *pair, float *ret_heights_m)
+{
+    if (pair->held[1] == place->row && pair->tile_row == place->tile_row) {
+        float *below = pair->heights_m[1];
+        pair->heights_m[1] = pair->heights_m[0];
+        pair->heights_m[0] = below;
+        pair->held[0] = pair->held[1];
+        pair->held[1] = INT64_MIN;
+    }
+    for (int side = 0; side < 2; side++) {
+        int64_t row = place->row + side;
+        if (pair->held[side] == row && pair->tile_row == place->tile_row)
+            continue;
+        int32_t owner = owner_of_row(&source->database->grid, level, row, place->tile_row);
+        fill_post_row(source, level, row, owner, columns, pair->heights_m[side]);
+        pair->held[side] = row;
+    }
+    pair->tile_row = place->tile_row;
+    for (int c = 0; c < columns->count; c++)
+        ret_heights_m[c] = blend(pair->heights_m[0][c], pair->heights_m[1][c], place->fraction);
+}
+
+static void fill_row(struct database_source *source, int level, double lat_deg,
+                     const struct columns *columns, struct row_pair *pair, float *ret_heights_m)
+{
+    const struct grid *grid = &source->database->grid;
+    struct row_place place = place_row(grid, level, lat_deg);
+    if (place.fraction == 0.0f)
+        fill_post_row(source, level, place.row,
+                      owner_of_row(grid, level, place.row, place.tile_row), columns, ret_heights_m);
+    else
+        blend_rows(source, level, &place, columns, pair, ret_heights_m);
+}
+
+static void count_tiles(struct database_source *source)
+{
+    source->source.tiles_loaded = tile_cache_loaded(source->cache);
+    source->source.read_errors = tile_cache_errors(source->cache);
+}
+
+static int source_sample_grid(struct terrain_source *terrain_source,
+                              const struct terrain_grid *grid, float *ret_height_m)
+{
+    struct database_source *source = of(terrain_source);
+    if (grid->rows < 0 || grid->cols < 0 || grid->rows > ROWS_MAX || grid->cols > ROWS_MAX)
+        return -EINVAL;
+    int level = level_for(source, grid), r = reserve_rows(source, grid->cols);
+    if (r < 0)
+        return r;
+    struct columns columns = {(double)grid->col0 * grid->lon_step_deg, grid->lon_step_deg,
+                              grid->cols};
+    struct row_pair pair = {.held = {INT64_MIN, INT64_MIN},
+                            .heights_m = {source->rows, source->rows + source->row_capacity}};
+    for (int row = 0; row < grid->rows; row++)
+        fill_row(source, level, (double)(grid->row0 + row) * grid->lat_step_deg, &columns, &pair,
+                 ret_height_m + (size_t)row * (size_t)grid->cols);
+    count_tiles(source);
+    return 0;
+}
+
+static float height_at(struct database_source *source, double lat_deg, double lon_deg)
+{
+    float height_m, lines[2];
+    struct columns columns = {lon_deg, 0.0, 1};
+    struct row_pair pair = {.held = {INT64_MIN, INT64_MIN}, .heights_m = {&lines[0], &lines[1]}};
+    fill_row(source, 0, lat_deg, &columns, &pair, &height_m);
+    return height_m;
+}
+
+static int source_sample_point(struct terrain_source *terrain_source, double lat_deg,
+                               double lon_deg, double *ret_height_m)
+{
+    if (!isfinite(lat_deg) || !isfinite(lon_deg) || fabs(lat_deg) > 90.0 || fabs(lon_deg) > 1e6)
+        return -EINVAL;
+    *ret_height_m = (double)height_at(of(terrain_source), lat_deg, lon_deg);
+    count_tiles(of(terrain_source));
+    return 0;
+}
+
+/* Slope between two heights `apart_m` from each other; from the middle where one is missing. */
+static double slope(double before_m, double here_m, double after_m, double apart_m)
+{
+    if (!isnan(before_m) && !isnan(after_m))
+        return (after_m - before_m) / apart_m;
+    if (!isnan(after_m))
+        return (after_m - here_m) / (0.5 * apart_m);
+    if (!isnan(before_m))
+        return (here_m - before_m) / (0.5 * apart_m);
+    return 0.0;
+}
+
+/* The surface's normal from heights a quarter of a cell away on each side. The radii of curvature
+ * are those of WGS84 (semi-major axis 6378137 m, flattening 1/298.257223563). */
+static void normal_at(struct database_source *source, double lat_deg, double lon_deg, double here_m,
+                      double ret_normal_enu[3])
+{
+    const double axis_m = 6378137.0, e2 = 6.69437999014131699614e-3, rad = M_PI / 180.0;
+    const struct grid *grid = &source->database->grid;
+    double d_lat = 0.25 * grid_lat_step_deg(grid, 0);
+    struct row_place place = place_row(grid, 0, lat_deg);
+    double d_lon = 0.25 * grid_lon_step_deg(grid, 0, grid_lon_shift(grid, 0, place.tile_row));
+    double sine = sin(lat_deg * rad), w = sqrt(1.0 - e2 * sine * sine);
+    double north_m = 2.0 * d_lat * rad * axis_m * (1.0 - e2) / (w * w * w);
+    double east_m = 2.0 * d_lon * rad * axis_m / w * fmax(cos(lat_deg * rad), 1e-9);
+    double dz_dn = slope(height_at(source, lat_deg - d_lat, lon_deg), here_m,
+                         height_at(source, lat_deg + d_lat, lon_deg), north_m);
+    double dz_de = slope(height_at(source, lat_deg, lon_deg - d_lon), here_m,
+                         height_at(source, lat_deg, lon_deg + d_lon), east_m);
+    double length = sqrt(dz_de * dz_de + dz_dn * dz_dn + 1.0);
+    ret_normal_enu[0] = -dz_de / length;
+    ret_normal_enu[1] = -dz_dn / length;
+    ret_normal_enu[2] = 1.0 / length;
+}
+
+static void source_facts(const struct terrain_source *terrain_source,
+                         struct terrain_facts *ret_facts)
+{
+    *ret_facts = ((const struct database_source *)terrain_source)->facts;
+}
+
+static void source_destroy(struct terrain_source *terrain_source)
+{
+    struct database_source *source = of(terrain_source);
+    tile_cache_destroy(source->cache);
+    database_close(source->database);
+    free(source->rows);
+    free(source);
+}
+
+static const struct terrain_source_ops database_source_ops = {
+    .sample_grid = source_sample_grid,
+    .sample_point = source_sample_point,
+    .facts = source_facts,
+    .destroy = source_destroy,
+};
+
+int database_source_height(struct terrain_source *source, double lat_deg, double lon_deg,
+                           double *ret_height_m, double ret_normal_enu[3])
+{
+    double height_m;
+    int r = source_sample_point(source, lat_deg, lon_deg, &height_m);
+    if (r < 0)
+        return r;
+    *ret_height_m = height_m;
+    if (ret_normal_enu && isnan(height_m))
+        ret_normal_enu[0] = ret_normal_enu[1] = ret_normal_enu[2] = NAN;
+    else if (ret_normal_enu)
+        normal_at(of(source), lat_deg, lon_deg, height_m, ret_normal_enu);
+    count_tiles(of(source));
+    return 0;
+}
+
+struct database *database_of_source(struct terrain_source *source)
+{
+    return source->ops == &database_source_ops ? of(source)->database : NULL;
+}
+
+int database_source_open(const char *path, unsigned cache_tiles, struct terrain_source **ret_source,
+                         struct diag *diag)
+{
+    struct database_source *source = calloc(1, sizeof(*source));
+    struct database_extent extent = {0};
+    if (!source)
+        return -ENOMEM;
+    source->source.ops = &database_source_ops;
+    int r = database_open(path, &source->database, diag);
+    if (r == 0)
+        r = tile_cache_create(source->database, cache_tiles, &source->cache);
+    if (r == 0)
+        r = database_extent_of(source->database, &extent, diag);
+    if (r < 0) {
+        source_destroy(&source->source);
+        return r;
+    }
+    const struct grid *grid = &source->database->grid;
+    source->facts = (struct terrain_facts){
+        .finest_lat_step_deg = grid_lat_step_deg(grid, 0),
+        .finest_lon_step_deg = database_extent_lon_step_deg(grid, &extent),
+        .south_deg = extent.south_deg,
+        .west_deg = extent.west_deg,
+        .north_deg = extent.north_deg,
+        .east_deg = extent.east_deg,
+        .name = source->database->path,
+    };
+    *ret_source = &source->source;
+    return 0;
+}

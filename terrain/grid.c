@@ -1,0 +1,131 @@
+#include "terrain/grid.h"
+
+#include <assert.h>
+#include <math.h>
+
+/* First row whose edge nearest the equator reaches the latitude at which the factor doubles to
+ * 2^shift. A row whose edge is the limit itself belongs to the wider band, hence the tolerance. */
+static int32_t own_band_row(int32_t posts_per_degree, int level, unsigned shift)
+{
+    double limit_deg = acos(ldexp(1.0, -(int)shift)) * (180.0 / M_PI);
+    return (int32_t)ceil(ldexp(limit_deg * posts_per_degree / TILE_CELLS, -level) - 1e-9);
+}
+
+void grid_init(struct grid *grid, int32_t posts_per_degree)
+{
+    assert(posts_per_degree >= 1 && posts_per_degree <= GRID_POSTS_PER_DEGREE_MAX);
+    *grid = (struct grid){.posts_per_degree = posts_per_degree};
+    while (ldexp(TILE_CELLS, grid->top_level) < 360.0 * posts_per_degree)
+        grid->top_level++;
+    assert(grid->top_level < GRID_LEVELS_MAX);
+    for (int level = grid->top_level; level >= 0; level--) {
+        int32_t *band = grid->band_row[level];
+        for (unsigned shift = 1; shift <= GRID_SHIFT_MAX; shift++) {
+            bool top = level == grid->top_level;
+            int32_t own = top ? INT32_MAX : own_band_row(posts_per_degree, level, shift);
+            int32_t above = top ? INT32_MAX : grid->band_row[level + 1][shift - 1];
+            int32_t inherited = above > INT32_MAX / 2 ? INT32_MAX : above * 2;
+            band[shift] = own > inherited ? own : inherited;
+        }
+        band[GRID_SHIFT_MAX + 1] = INT32_MAX;
+    }
+}
+
+unsigned grid_lon_shift(const struct grid *grid, int level, int32_t row)
+{
+    int32_t from_equator = row >= 0 ? row : -row - 1;
+    unsigned shift = 0;
+    while (grid->band_row[level][shift + 1] <= from_equator)
+        shift++;
+    return shift;
+}
+
+static int64_t cells_of(int64_t finest, int shift)
+{
+    int64_t cell = INT64_C(1) << shift;
+    return (finest + cell - 1) / cell;
+}
+
+int64_t grid_cells_to_pole(const struct grid *grid, int level)
+{
+    return cells_of(INT64_C(90) * grid->posts_per_degree, level);
+}
+
+int32_t grid_tile_rows_to_pole(const struct grid *grid, int level)
+{
+    return (int32_t)((grid_cells_to_pole(grid, level) + TILE_CELLS - 1) / TILE_CELLS);
+}
+
+int64_t grid_cells_around(const struct grid *grid, int level, unsigned shift)
+{
+    return cells_of(INT64_C(360) * grid->posts_per_degree, level + (int)shift);
+}
+
+int32_t grid_tile_cols(const struct grid *grid, int level, unsigned shift)
+{
+    return (int32_t)((grid_cells_around(grid, level, shift) + TILE_CELLS - 1) / TILE_CELLS);
+}
+
+double grid_width_cells(const struct grid *grid, int level, unsigned shift)
+{
+    return ldexp(360.0 * grid->posts_per_degree, -level - (int)shift);
+}
+
+double grid_lat_step_deg(const struct grid *grid, int level)
+{
+    return ldexp(1.0, level) / grid->posts_per_degree;
+}
+
+double grid_lon_step_deg(const struct grid *grid, int level, unsigned shift)
+{
+    return ldexp(1.0, level + (int)shift) / grid->posts_per_degree;
+}
+
+double grid_post_lat_deg(const struct grid *grid, int level, int64_t row)
+{
+    int64_t last = grid_cells_to_pole(grid, level);
+    if (row >= last)
+        return 90.0;
+    if (row <= -last)
+        return -90.0;
+    return (double)(row * (INT64_C(1) << level)) / grid->posts_per_degree;
+}
+
+double grid_post_lon_deg(const struct grid *grid, int level, unsigned shift, int64_t col)
+{
+    if (col >= grid_cells_around(grid, level, shift))
+        return -180.0;
+    int64_t finest = col * (INT64_C(1) << (level + (int)shift));
+    return (double)(finest - INT64_C(180) * grid->posts_per_degree) / grid->posts_per_degree;
+}
+
+bool grid_has_tile(const struct grid *grid, struct tile_id id)
+{
+    if (id.level < 0 || id.level > grid->top_level)
+        return false;
+    int32_t rows = grid_tile_rows_to_pole(grid, id.level);
+    return id.row >= -rows && id.row < rows && id.col >= 0 &&
+           id.col < grid_tile_cols(grid, id.level, grid_lon_shift(grid, id.level, id.row));
+}
+
+struct tile_id grid_parent(const struct grid *grid, struct tile_id id)
+{
+    struct tile_id parent = {.level = id.level + 1, .row = (int32_t)grid_floor_div(id.row, 2)};
+    assert(parent.level <= grid->top_level);
+    unsigned shift = grid_lon_shift(grid, id.level, id.row);
+    unsigned parent_shift = grid_lon_shift(grid, parent.level, parent.row);
+    parent.col = parent_shift == shift ? id.col / 2 : id.col;
+    return parent;
+}
+
+void grid_tile_extent(const struct grid *grid, struct tile_id id, int *ret_first_row,
+                      int *ret_last_row, int *ret_last_col)
+{
+    int64_t to_pole = grid_cells_to_pole(grid, id.level);
+    int64_t south = (int64_t)id.row * TILE_CELLS, west = (int64_t)id.col * TILE_CELLS;
+    unsigned shift = grid_lon_shift(grid, id.level, id.row);
+    int64_t east = grid_cells_around(grid, id.level, shift) - west;
+    *ret_first_row = south < -to_pole ? (int)(-to_pole - south) : 0;
+    *ret_last_row = south + TILE_CELLS > to_pole ? (int)(to_pole - south) : TILE_CELLS;
+    *ret_last_col = east < TILE_CELLS ? (int)east : TILE_CELLS;
+}

@@ -1,0 +1,11 @@
+/* Which tiles of the finest level a rectangle touches. */
+#pragma once
+
+#include <stddef.h>
+
+#include "terrain/grid.h"
+
+/* All tiles that have a post within the rectangle (east may exceed 180), borders included, rows
+ * from north to south. The caller frees. Returns 0 or -ENOMEM. */
+int import_plan_tiles(const struct grid *grid, double south_deg, double west_deg, double north_deg,
+                      double east_deg, struct tile_id **ret_tiles, size_t *ret_count);

@@ -1,0 +1,208 @@
+#include "terrain/tile_cache.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define NONE UINT32_MAX
+
+struct entry {
+    struct tile_id id;
+    float *heights_m; /* owned; kept when the entry is reused */
+    bool present;     /* false: known to be absent */
+    uint32_t newer, older, chain;
+};
+
+struct tile_cache {
+    struct database *database;
+    struct entry *entries;
+    uint32_t *buckets; /* bucket_count, a power of two: first entry of each chain */
+    uint32_t capacity, count, bucket_count, newest, oldest;
+    uint64_t loaded, errors;
+};
+
+int tile_cache_create(struct database *database, unsigned capacity, struct tile_cache **ret_cache)
+{
+    struct tile_cache *cache = calloc(1, sizeof(*cache));
+    if (!cache)
+        return -ENOMEM;
+    cache->database = database;
+    cache->capacity = capacity < 32 ? 32 : capacity;
+    cache->newest = cache->oldest = NONE;
+    for (cache->bucket_count = 32; cache->bucket_count < 2 * cache->capacity;)
+        cache->bucket_count *= 2;
+    cache->entries = calloc(cache->capacity, sizeof(*cache->entries));
+    cache->buckets = malloc(cache->bucket_count * sizeof(*cache->buckets));
+    if (!cache->entries || !cache->buckets) {
+        tile_cache_destroy(cache);
+        return -ENOMEM;
+    }
+    memset(cache->buckets, 0xff, cache->bucket_count * sizeof(*cache->buckets));
+    *ret_cache = cache;
+    return 0;
+}
+
+void tile_cache_destroy(struct tile_cache *cache)
+{
+    if (!cache)
+        return;
+    for (uint32_t i = 0; cache->entries && i < cache->count; i++)
+        free(cache->entries[i].heights_m);
+    free(cache->entries);
+    free(cache->buckets);
+    free(cache);
+}
+
+uint64_t tile_cache_loaded(const struct tile_cache *cache)
+{
+    return cache->loaded;
+}
+
+uint64_t tile_cache_errors(const struct tile_cache *cache)
+{
+    return cache->errors;
+}
+
+static uint32_t bucket_of(const struct tile_cache *cache, struct tile_id id)
+{
+    uint64_t key =
+        ((uint64_t)(uint32_t)id.row << 32 | (uint32_t)id.col) + (uint64_t)id.level * 0x9e37;
+    return (uint32_t)(key * UINT64_C(0x9e3779b97f4a7c15) >> 32) & (cache->bucket_count - 1);
+}
+
+static bool same_tile(struct tile_id a, struct tile_id b)
+{
+    return a.level == b.level && a.row == b.row && a.col == b.col;
+}
+
+static void unlink_entry(struct tile_cache *cache, uint32_t index)
+{
+    struct entry *entry = &cache->entries[index];
+    *(entry->newer == NONE ? &cache->newest : &cache->entries[entry->newer].older) = entry->older;
+    *(entry->older == NONE ? &cache->oldest : &cache->entries[entry->older].newer) = entry->newer;
+}
+
+static void link_newest(struct tile_cache *cache, uint32_t index)
+{
+    struct entry *entry = &cache->entries[index];
+    entry->newer = NONE;
+    entry->older = cache->newest;
+    *(cache->newest == NONE ? &cache->oldest : &cache->entries[cache->newest].newer) = index;
+    cache->newest = index;
+}
+
+static void unchain(struct tile_cache *cache, uint32_t index)
+{
+    uint32_t *at = &cache->buckets[bucket_of(cache, cache->entries[index].id)];
+    while (*at != index)
+        at = &cache->entries[*at].chain;
+    *at = cache->entries[index].chain;
+}
+
+static uint32_t find_entry(const struct tile_cache *cache, struct tile_id id)
+{
+    uint32_t index = cache->buckets[bucket_of(cache, id)];
+    while (index != NONE && !same_tile(cache->entries[index].id, id))
+        index = cache->entries[index].chain;
+    return index;
+}
+
+/* A free entry, linked as the newest but not yet chained; NONE without memory. */
+static uint32_t take_entry(struct tile_cache *cache)
+{
+    uint32_t index;
+    if (cache->count < cache->capacity) {
+        index = cache->count;
+        cache->entries[index].heights_m = malloc(TILE_POST_COUNT * sizeof(float));
+        if (!cache->entries[index].heights_m)
+            return NONE;
+        cache->count++;
+    } else {
+        index = cache->oldest;
+        unchain(cache, index);
+        unlink_entry(cache, index);
+    }
+    link_newest(cache, index);
+    return index;
+}
+
+/* Between two posts of the parent: `twice` is a post's position in half cells of the parent. */
+static float halfway(const float *at, int stride, int twice)
+{
+    float here = at[twice / 2 * stride];
+    return twice % 2 == 0 ? here : 0.5f * (here + at[(twice / 2 + 1) * stride]);
+}
+
+/* Heights of a tile from its parent's; true where any post got one. */
+static bool heights_from_parent(const struct grid *grid, struct tile_id id, const float *parent,
+                                float *ret_heights_m)
+{
+    struct tile_id up = grid_parent(grid, id);
+    bool same = grid_lon_shift(grid, id.level, id.row) == grid_lon_shift(grid, up.level, up.row);
+    int first_row = (int)(id.row - 2 * (int64_t)up.row) * TILE_CELLS;
+    int first_col = same ? (int)(id.col - 2 * (int64_t)up.col) * TILE_CELLS : 0;
+    bool any = false;
+    for (int row = 0; row < TILE_POSTS; row++)
+        for (int col = 0; col < TILE_POSTS; col++) {
+            int twice_row = first_row + row, twice_col = same ? first_col + col : 2 * col;
+            const float *line = parent + twice_row / 2 * TILE_POSTS;
+            float height_m = halfway(line, 1, twice_col);
+            if (twice_row % 2)
+                height_m = 0.5f * (height_m + halfway(line + TILE_POSTS, 1, twice_col));
+            ret_heights_m[row * TILE_POSTS + col] = height_m;
+            any |= !isnan(height_m);
+        }
+    return any;
+}
+
+/* Fills an entry for a tile that could not be read; false where there is nothing to fill it with.
+ */
+static bool fill_from_parent(struct tile_cache *cache, struct entry *entry, const float *parent)
+{
+    return parent &&
+           heights_from_parent(database_grid(cache->database), entry->id, parent, entry->heights_m);
+}
+
+static uint32_t load_entry(struct tile_cache *cache, struct tile_id id)
+{
+    uint32_t index = take_entry(cache);
+    if (index == NONE)
+        return NONE;
+    struct entry *entry = &cache->entries[index];
+    entry->id = id;
+    entry->present = false;
+    uint32_t *bucket = &cache->buckets[bucket_of(cache, id)];
+    entry->chain = *bucket;
+    *bucket = index;
+
+    int r = database_read_tile(cache->database, id, entry->heights_m, NULL);
+    if (r == 0) {
+        cache->loaded++;
+        entry->present = true;
+        return index;
+    }
+    /* Fetching the parents keeps this entry: at most one a level, and there is room for 32. */
+    const float *parent = NULL;
+    if (id.level < database_top_level(cache->database))
+        parent = tile_cache_get(cache, grid_parent(database_grid(cache->database), id));
+    entry->present = fill_from_parent(cache, entry, parent);
+    if (r < 0 || entry->present)
+        cache->errors++;
+    return index;
+}
+
+const float *tile_cache_get(struct tile_cache *cache, struct tile_id id)
+{
+    uint32_t index = find_entry(cache, id);
+    if (index == NONE) {
+        index = load_entry(cache, id);
+        if (index == NONE)
+            return NULL;
+    }
+    if (cache->newest != index) {
+        unlink_entry(cache, index);
+        link_newest(cache, index);
+    }
+    return cache->entries[index].present ? cache->entries[index].heights_m : NULL;
+}
