@@ -6,8 +6,6 @@
 
 #include "base/half.h"
 
-#define WATER_TOLERANCE_M 0.01f /* sea level in the sources is 0 */
-
 int level_store_init(struct level_store *store, const struct clipmap_shape *shape, int level)
 {
     size_t side = 2 * (size_t)clipmap_storage(shape);
@@ -17,15 +15,17 @@ int level_store_init(struct level_store *store, const struct clipmap_shape *shap
         .level = level,
         .altitude_m = calloc(side * side, sizeof(*store->altitude_m)),
         .height_m = calloc(side * side, sizeof(*store->height_m)),
+        .water = calloc(side * side, sizeof(*store->water)),
         .bounds = calloc(squares, sizeof(*store->bounds)),
     };
-    return store->altitude_m && store->height_m && store->bounds ? 0 : -ENOMEM;
+    return store->altitude_m && store->height_m && store->water && store->bounds ? 0 : -ENOMEM;
 }
 
 void level_store_finish(struct level_store *store)
 {
     free(store->altitude_m);
     free(store->height_m);
+    free(store->water);
     free(store->bounds);
     *store = (struct level_store){0};
 }
@@ -55,7 +55,7 @@ struct terrain_grid level_store_grid(const struct level_store *store, struct cli
 }
 
 void level_store_put(struct level_store *store, struct clipmap_rect rect, const float *altitude_m,
-                     const float *undulation_m)
+                     const float *undulation_m, const bool *water)
 {
     for (int r = 0; r < rect.rows; r++) {
         for (int c = 0; c < rect.cols; c++) {
@@ -63,6 +63,7 @@ void level_store_put(struct level_store *store, struct clipmap_rect rect, const 
             size_t from = (size_t)r * (size_t)rect.cols + (size_t)c;
             store->altitude_m[at] = altitude_m[from];
             store->height_m[at] = altitude_m[from] + undulation_m[from];
+            store->water[at] = water[from];
         }
     }
 }
@@ -118,12 +119,12 @@ void level_store_export_surfaces(const struct level_store *store, struct clipmap
         float per_col = (float)(1.0 / (a / w * cos(lat) * step_rad * store->lon_factor));
         for (int c = 0; c < rect.cols; c++) {
             int32_t col = rect.col0 + c;
-            float altitude = store->altitude_m[index_of(store, row, col)];
+            size_t at = index_of(store, row, col);
             *ret_surfaces++ = (struct loader_surface){
                 .slope_east = half_from_float(slope(store, row, col, 0, 1, per_col)),
                 .slope_north = half_from_float(slope(store, row, col, 1, 0, per_row)),
-                .water = half_from_float(fabsf(altitude) < WATER_TOLERANCE_M ? 1.0f : 0.0f),
-                .altitude = half_from_float(altitude * 1e-3f),
+                .water = half_from_float(store->water[at]),
+                .altitude = half_from_float(store->altitude_m[at] * 1e-3f),
             };
         }
     }

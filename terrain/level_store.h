@@ -30,6 +30,7 @@ struct level_store {
     struct clipmap_window window; /* in posts */
     float *altitude_m;            /* [2 storage][2 storage], above the geoid */
     float *height_m;              /* the same above the ellipsoid */
+    bool *water;                  /* the same */
     struct loader_bounds *bounds; /* [squares][squares] */
 };
 
@@ -39,9 +40,9 @@ void level_store_finish(struct level_store *store);
 /* The grid of half-posts that `rect` stands for. */
 struct terrain_grid level_store_grid(const struct level_store *store, struct clipmap_rect rect);
 
-/* Puts sampled altitudes and undulations ([rows][cols] of a rectangle of half-posts) in. */
+/* Puts sampled ground ([rows][cols] of a rectangle of half-posts) in. */
 void level_store_put(struct level_store *store, struct clipmap_rect rect, const float *altitude_m,
-                     const float *undulation_m);
+                     const float *undulation_m, const bool *water);
 
 /* `rect` (half-posts) grown by one on each side, within the window: those whose slopes change when
  * the ground of `rect` does. */

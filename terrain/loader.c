@@ -14,6 +14,9 @@
 #include "geo/geographic.h"
 #include "terrain/level_store.h"
 
+#define SEA_LEVEL_M 0.01f  /* sources have the sea at 0 */
+#define SHALLOW_M   -20.0f /* lower ground is taken for land, such as the Dead Sea's shores */
+
 struct wish {
     uint64_t number; /* 1, 2, ... */
     double lat_deg, lon_deg;
@@ -30,6 +33,7 @@ struct loader {
     struct clipmap_layout layout;
     int finest;
     bool placed;
+    bool *water;
     float *altitude_m, *fallback_m, *undulation_m; /* of a window's half-posts, scratch */
 
     struct loader_update updates[LOADER_UPDATES];
@@ -43,47 +47,64 @@ struct loader {
     pthread_t thread;
 };
 
-static bool replace_voids(float *altitude_m, const float *from_m, size_t count)
+static bool sample_source(struct terrain_source *source, const struct terrain_grid *grid, float *ret_m)
 {
-    bool voids = false;
-    for (size_t i = 0; i < count; i++) {
-        if (isnan(altitude_m[i])) {
-            voids = true;
-            altitude_m[i] = from_m ? from_m[i] : 0.0f;
-        }
-    }
-    return voids;
+    return source && source->ops->sample_grid(source, grid, ret_m) == 0;
 }
 
-/* Fills loader->altitude_m and undulation_m with the posts of one rectangle. */
+static bool any_void_or_low(const float *altitude_m, size_t count)
+{
+    for (size_t i = 0; i < count; i++)
+        if (!(altitude_m[i] > SEA_LEVEL_M))
+            return true;
+    return false;
+}
+
+/* Puts the fallback's height (or 0) where the source has none, and finds the water: what lies at sea
+ * level, and what the source has a little lower where the fallback has sea (a scenery's chords under
+ * the round Earth, shallow bathymetry). */
+static void settle_ground(struct loader *loader, const struct terrain_grid *grid, size_t count)
+{
+    bool have = any_void_or_low(loader->altitude_m, count) &&
+                sample_source(loader->fallback, grid, loader->fallback_m);
+    for (size_t i = 0; i < count; i++) {
+        float altitude_m = loader->altitude_m[i];
+        if (isnan(altitude_m))
+            altitude_m = have ? loader->fallback_m[i] : 0.0f;
+        if (isnan(altitude_m))
+            altitude_m = 0.0f;
+        bool at_sea_level = fabsf(altitude_m) < SEA_LEVEL_M;
+        bool shallow = altitude_m < SEA_LEVEL_M && altitude_m > SHALLOW_M;
+        loader->water[i] = at_sea_level || (shallow && have && loader->fallback_m[i] == 0.0f);
+        loader->altitude_m[i] = altitude_m;
+    }
+}
+
+static void sample_undulation(struct loader *loader, const struct terrain_grid *grid)
+{
+    float *out = loader->undulation_m;
+    for (int r = 0; r < grid->rows; r++) {
+        double lat = fmin(fmax((double)(grid->row0 + r) * grid->lat_step_deg, -90.0), 90.0);
+        for (int c = 0; c < grid->cols; c++) {
+            double lon = (double)(grid->col0 + c) * grid->lon_step_deg;
+            *out++ = loader->geoid ? (float)geoid_undulation_m(loader->geoid, lat,
+                                                               longitude_normalised_deg(lon))
+                                   : 0.0f;
+        }
+    }
+}
+
+/* Fills the scratch arrays with the ground of one rectangle of half-posts. */
 static void sample_rect(struct loader *loader, const struct level_store *store,
                         struct clipmap_rect rect)
 {
     struct terrain_grid grid = level_store_grid(store, rect);
     size_t count = (size_t)rect.rows * (size_t)rect.cols;
-    if (loader->source->ops->sample_grid(loader->source, &grid, loader->altitude_m) < 0)
+    if (!sample_source(loader->source, &grid, loader->altitude_m))
         for (size_t i = 0; i < count; i++)
             loader->altitude_m[i] = NAN;
-    bool voids = false;
-    for (size_t i = 0; i < count && !voids; i++)
-        voids = isnan(loader->altitude_m[i]);
-    if (voids) {
-        bool have = loader->fallback && loader->fallback->ops->sample_grid(
-                                            loader->fallback, &grid, loader->fallback_m) == 0;
-        if (have)
-            replace_voids(loader->fallback_m, NULL, count);
-        replace_voids(loader->altitude_m, have ? loader->fallback_m : NULL, count);
-    }
-    for (int r = 0; r < rect.rows; r++) {
-        double lat = fmin(fmax((double)(grid.row0 + r) * grid.lat_step_deg, -90.0), 90.0);
-        for (int c = 0; c < rect.cols; c++) {
-            double lon = (double)(grid.col0 + c) * grid.lon_step_deg;
-            loader->undulation_m[(size_t)r * (size_t)rect.cols + (size_t)c] =
-                loader->geoid
-                    ? (float)geoid_undulation_m(loader->geoid, lat, longitude_normalised_deg(lon))
-                    : 0.0f;
-        }
-    }
+    settle_ground(loader, &grid, count);
+    sample_undulation(loader, &grid);
     atomic_fetch_add_explicit(&loader->posts_sampled, count, memory_order_relaxed);
 }
 
@@ -129,7 +150,7 @@ static void move_level(struct loader *loader, int level, const struct clipmap_la
         level + 1 < loader->shape.levels ? &loader->stores[level + 1] : NULL;
     for (int i = 0; i < count; i++) {
         sample_rect(loader, store, rects[i]);
-        level_store_put(store, rects[i], loader->altitude_m, loader->undulation_m);
+        level_store_put(store, rects[i], loader->altitude_m, loader->undulation_m, loader->water);
     }
     for (int i = 0; i < count; i++)
         add_strip(update, store, coarser, level_store_grown(store, rects[i]));
@@ -243,7 +264,8 @@ static int allocate(struct loader *loader)
     loader->altitude_m = malloc(half_posts * sizeof(float));
     loader->fallback_m = malloc(half_posts * sizeof(float));
     loader->undulation_m = malloc(half_posts * sizeof(float));
-    if (!loader->altitude_m || !loader->fallback_m || !loader->undulation_m)
+    loader->water = malloc(half_posts * sizeof(bool));
+    if (!loader->water || !loader->altitude_m || !loader->fallback_m || !loader->undulation_m)
         return -ENOMEM;
     for (int level = 0; level < shape->levels; level++)
         if (level_store_init(&loader->stores[level], shape, level) < 0)
@@ -276,6 +298,7 @@ static void loader_free(struct loader *loader)
     }
     for (int level = 0; level < CLIPMAP_MAX_LEVELS; level++)
         level_store_finish(&loader->stores[level]);
+    free(loader->water);
     free(loader->altitude_m);
     free(loader->fallback_m);
     free(loader->undulation_m);
