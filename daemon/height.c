@@ -1,4 +1,5 @@
 /* `otwd height DB [LAT LON]`: terrain height at a place, or at every place of standard input. */
+#include <ctype.h>
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -11,6 +12,8 @@
 #include "daemon/terrain_setup.h"
 #include "geo/geographic.h"
 #include "terrain/database.h"
+
+#define ARGUMENTS_MAX 16
 
 enum { OPT_DATUM = 256, OPT_NORMAL };
 
@@ -58,8 +61,8 @@ static const struct argp parser = {
     .parser = parse_option,
     .args_doc = "DB [LAT LON]",
     .doc = "The height of the terrain, in metres. Without coordinates reads \"lat lon\" lines from "
-           "standard input and answers each with a line; \"nan\" where there is no data. A negative "
-           "latitude after --: otwd height -- DB -33.9 18.4."
+           "standard input and answers each with a line; \"nan\" where there is no data. Options come "
+           "before the coordinates."
            "\vExit status: 0 answered, 64 bad usage, 65 a bad database or line, 66 no such file.",
 };
 
@@ -108,9 +111,32 @@ static int answer_lines(struct terrain_source *source, struct geoid *geoid,
     return 0;
 }
 
+/* Puts "--" before the first negative number, so that it is not taken for an option. */
+static int guard_numbers(int argc, char **argv, char **ret_argv)
+{
+    int count = 0;
+    bool guarded = false;
+    for (int i = 0; i < argc; i++) {
+        bool number = argv[i][0] == '-' && (isdigit((unsigned char)argv[i][1]) || argv[i][1] == '.');
+        guarded = guarded || strcmp(argv[i], "--") == 0;
+        if (number && !guarded) {
+            ret_argv[count++] = (char *)"--";
+            guarded = true;
+        }
+        ret_argv[count++] = argv[i];
+    }
+    ret_argv[count] = NULL;
+    return count;
+}
+
 int height_main(int argc, char **argv)
 {
     struct height_options options = {0};
+    char *guarded[ARGUMENTS_MAX + 2];
+    if (argc > ARGUMENTS_MAX)
+        argc = ARGUMENTS_MAX; /* more than any valid call has: argp complains of the rest */
+    argc = guard_numbers(argc, argv, guarded);
+    argv = guarded;
     cli_parse(&parser, "height", argc, argv, &options);
     struct diag diag = {0};
     struct terrain_source *source = NULL;

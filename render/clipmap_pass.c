@@ -52,10 +52,10 @@ struct clipmap_pass {
     struct draw_range ranges[CLIPMAP_MAX_LEVELS * CLIPMAP_MAX_BLOCKS];
 };
 
-static GLuint create_array(const struct clipmap_shape *shape, GLenum format, GLint filter)
+static GLuint create_array(const struct clipmap_shape *shape, GLint side, GLenum format,
+                           GLint filter)
 {
     GLuint texture;
-    GLint side = clipmap_storage(shape);
     glCreateTextures(GL_TEXTURE_2D_ARRAY, 1, &texture);
     glTextureStorage3D(texture, 1, format, side, side, shape->levels);
     glTextureParameteri(texture, GL_TEXTURE_MIN_FILTER, filter);
@@ -108,8 +108,8 @@ int clipmap_pass_create(const struct clipmap_shape *shape, const struct gl_facts
         clipmap_pass_destroy(pass);
         return r;
     }
-    pass->heights = create_array(shape, GL_RG32F, GL_NEAREST);
-    pass->surfaces = create_array(shape, GL_RGBA16F, GL_LINEAR);
+    pass->heights = create_array(shape, clipmap_storage(shape), GL_RG32F, GL_NEAREST);
+    pass->surfaces = create_array(shape, 2 * clipmap_storage(shape), GL_RGBA16F, GL_LINEAR);
     pass->ground = ground_texture_create();
     create_block_buffer(pass);
     *ret_pass = pass;
@@ -129,30 +129,60 @@ void clipmap_pass_destroy(struct clipmap_pass *pass)
     free(pass);
 }
 
-/* Copies a strip into toroidal storage: up to four pieces where it wraps. */
+/* Pixels of one rectangle, row-major, on their way to a toroidal texture layer. */
+struct upload {
+    GLuint texture;
+    GLint side, level;
+    struct clipmap_rect rect;
+    GLenum format, type;
+    const char *pixels;
+    size_t pixel_bytes;
+};
+
+/* Up to four pieces where the rectangle wraps. */
+static void upload_rect(const struct upload *upload)
+{
+    struct clipmap_rect rect = upload->rect;
+    int side = upload->side, mask = side - 1;
+    glPixelStorei(GL_UNPACK_ROW_LENGTH, rect.cols);
+    for (int r = 0, rows; r < rect.rows; r += rows) {
+        int y = (rect.row0 + r) & mask;
+        rows = rect.rows - r < side - y ? rect.rows - r : side - y;
+        for (int c = 0, cols; c < rect.cols; c += cols) {
+            int x = (rect.col0 + c) & mask;
+            cols = rect.cols - c < side - x ? rect.cols - c : side - x;
+            size_t at = (size_t)r * (size_t)rect.cols + (size_t)c;
+            glTextureSubImage3D(upload->texture, 0, x, y, upload->level, cols, rows, 1,
+                                upload->format, upload->type,
+                                upload->pixels + at * upload->pixel_bytes);
+        }
+    }
+}
+
 static void upload_strip(struct clipmap_pass *pass, const struct loader_update *update,
                          const struct loader_strip *strip)
 {
-    int side = clipmap_storage(&pass->shape), mask = side - 1;
-    struct clipmap_rect rect = strip->rect;
-    glPixelStorei(GL_UNPACK_ROW_LENGTH, rect.cols);
-    for (int r = 0; r < rect.rows;) {
-        int y = (rect.row0 + r) & mask;
-        int rows = rect.rows - r < side - y ? rect.rows - r : side - y;
-        for (int c = 0; c < rect.cols;) {
-            int x = (rect.col0 + c) & mask;
-            int cols = rect.cols - c < side - x ? rect.cols - c : side - x;
-            size_t at = strip->offset + (size_t)r * (size_t)rect.cols + (size_t)c;
-            glTextureSubImage3D(pass->heights, 0, x, y, strip->level, cols, rows, 1, GL_RG,
-                                GL_FLOAT, update->heights + at);
-            glTextureSubImage3D(pass->surfaces, 0, x, y, strip->level, cols, rows, 1, GL_RGBA,
-                                GL_HALF_FLOAT, update->surfaces + at);
-            c += cols;
-        }
-        r += rows;
-    }
-    pass->uploaded += (uint64_t)rect.rows * (uint64_t)rect.cols *
-                      (sizeof(struct loader_height) + sizeof(struct loader_surface));
+    int side = clipmap_storage(&pass->shape);
+    upload_rect(&(struct upload){
+        .texture = pass->heights,
+        .side = side,
+        .level = strip->level,
+        .rect = strip->posts,
+        .format = GL_RG,
+        .type = GL_FLOAT,
+        .pixels = (const char *)(update->heights + strip->height_offset),
+        .pixel_bytes = sizeof(struct loader_height),
+    });
+    upload_rect(&(struct upload){
+        .texture = pass->surfaces,
+        .side = 2 * side,
+        .level = strip->level,
+        .rect = strip->half_posts,
+        .format = GL_RGBA,
+        .type = GL_HALF_FLOAT,
+        .pixels = (const char *)(update->surfaces + strip->surface_offset),
+        .pixel_bytes = sizeof(struct loader_surface),
+    });
 }
 
 void clipmap_pass_apply(struct clipmap_pass *pass, const struct loader_update *update)
@@ -160,6 +190,8 @@ void clipmap_pass_apply(struct clipmap_pass *pass, const struct loader_update *u
     for (unsigned i = 0; i < update->strip_count; i++)
         upload_strip(pass, update, &update->strips[i]);
     glPixelStorei(GL_UNPACK_ROW_LENGTH, 0);
+    pass->uploaded += update->height_count * sizeof(struct loader_height) +
+                      update->surface_count * sizeof(struct loader_surface);
     size_t squares = (size_t)level_squares(&pass->shape) * (size_t)level_squares(&pass->shape);
     memcpy(pass->bounds, update->bounds,
            (size_t)pass->shape.levels * squares * sizeof(*pass->bounds));

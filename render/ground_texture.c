@@ -5,7 +5,7 @@
 #include <stdlib.h>
 
 #define SIDE    256
-#define OCTAVES 6
+#define OCTAVES 7
 
 static uint32_t hash(uint32_t x, uint32_t y, uint32_t seed)
 {
@@ -32,18 +32,19 @@ static float lattice_noise(float x, float y, int cells, uint32_t seed)
     return south + (north - south) * v;
 }
 
-static float fractal(int x, int y, int first_cells, uint32_t seed)
+static float fractal(int x, int y, int first_cells, float persistence, uint32_t seed)
 {
-    float sum = 0.0f, strength = 0.55f;
+    float sum = 0.0f, strength = 1.0f, total = 0.0f;
     int cells = first_cells;
     for (int octave = 0; octave < OCTAVES && cells <= SIDE; octave++) {
         float scale = (float)cells / SIDE;
         sum += strength * lattice_noise((float)x * scale, (float)y * scale, cells,
                                         seed + (uint32_t)octave);
-        strength *= 0.55f;
+        total += strength * strength;
+        strength *= persistence;
         cells *= 2;
     }
-    return sum;
+    return 0.8f * sum / sqrtf(total); /* as varied whatever the persistence */
 }
 
 static uint8_t byte_from_signed(float value)
@@ -60,7 +61,7 @@ GLuint ground_texture_create(void)
     if (surface && texels) {
         for (int y = 0; y < SIDE; y++)
             for (int x = 0; x < SIDE; x++)
-                surface[y * SIDE + x] = fractal(x, y, 8, 11);
+                surface[y * SIDE + x] = fractal(x, y, 8, 0.6f, 11);
         for (int y = 0; y < SIDE; y++) {
             for (int x = 0; x < SIDE; x++) {
                 float east = surface[y * SIDE + (x + 1) % SIDE];
@@ -68,10 +69,10 @@ GLuint ground_texture_create(void)
                 float north = surface[(y + 1) % SIDE * SIDE + x];
                 float south = surface[(y + SIDE - 1) % SIDE * SIDE + x];
                 uint8_t *texel = texels[y * SIDE + x];
-                texel[0] = byte_from_signed(3.0f * (east - west));
-                texel[1] = byte_from_signed(3.0f * (north - south));
-                texel[2] = byte_from_signed(fractal(x, y, 4, 101));
-                texel[3] = byte_from_signed(fractal(x, y, 4, 211));
+                texel[0] = byte_from_signed(2.0f * (east - west));
+                texel[1] = byte_from_signed(2.0f * (north - south));
+                texel[2] = byte_from_signed(fractal(x, y, 4, 0.85f, 101));
+                texel[3] = byte_from_signed(fractal(x, y, 4, 0.7f, 211));
             }
         }
         glCreateTextures(GL_TEXTURE_2D, 1, &texture);

@@ -126,7 +126,6 @@ int renderer_create(const struct renderer_params *params, const struct gl_facts 
     glClipControl(GL_LOWER_LEFT, GL_ZERO_TO_ONE);
     glDepthFunc(GL_GEQUAL);
     glClearDepth(0.0);
-    glEnable(GL_CULL_FACE);
     *ret_renderer = renderer;
     return 0;
 }

@@ -63,10 +63,10 @@ double longitude_unwrapped_deg(double lon_deg, double near_deg)
     return lon_deg + 360.0 * floor((near_deg - lon_deg) / 360.0 + 0.5);
 }
 
-int clipmap_uncovered(const struct clipmap_shape *shape, struct clipmap_window from,
-                      struct clipmap_window to, struct clipmap_rect ret_rects[2])
+int clipmap_uncovered(int side, struct clipmap_window from, struct clipmap_window to,
+                      struct clipmap_rect ret_rects[2])
 {
-    int n = shape->n;
+    int n = side;
     int64_t rows = (int64_t)to.row0 - from.row0, cols = (int64_t)to.col0 - from.col0;
     if (rows == 0 && cols == 0)
         return 0;

@@ -60,9 +60,10 @@ struct clipmap_rect {
     int rows, cols;
 };
 
-/* What a window at `to` holds that the window at `from` does not: 0, 1 or 2 rectangles. */
-int clipmap_uncovered(const struct clipmap_shape *shape, struct clipmap_window from,
-                      struct clipmap_window to, struct clipmap_rect ret_rects[2]);
+/* What a window of `side` x `side` posts at `to` holds that it did not at `from`: 0, 1 or 2
+ * rectangles. */
+int clipmap_uncovered(int side, struct clipmap_window from, struct clipmap_window to,
+                      struct clipmap_rect ret_rects[2]);
 
 enum clipmap_edge {
     CLIPMAP_WEST = 1 << 0,

@@ -6,44 +6,44 @@
 
 #include "base/half.h"
 
-#define WATER_TOLERANCE_M 0.01f /* sea level in the sources is 0 */
-
 int level_store_init(struct level_store *store, const struct clipmap_shape *shape, int level)
 {
-    size_t posts = (size_t)clipmap_storage(shape) * (size_t)clipmap_storage(shape);
+    size_t side = 2 * (size_t)clipmap_storage(shape);
     size_t squares = (size_t)level_squares(shape) * (size_t)level_squares(shape);
     *store = (struct level_store){
         .shape = shape,
         .level = level,
-        .altitude_m = calloc(posts, sizeof(*store->altitude_m)),
-        .height = calloc(posts, sizeof(*store->height)),
+        .altitude_m = calloc(side * side, sizeof(*store->altitude_m)),
+        .height_m = calloc(side * side, sizeof(*store->height_m)),
+        .water = calloc(side * side, sizeof(*store->water)),
         .bounds = calloc(squares, sizeof(*store->bounds)),
     };
-    return store->altitude_m && store->height && store->bounds ? 0 : -ENOMEM;
+    return store->altitude_m && store->height_m && store->water && store->bounds ? 0 : -ENOMEM;
 }
 
 void level_store_finish(struct level_store *store)
 {
     free(store->altitude_m);
-    free(store->height);
+    free(store->height_m);
+    free(store->water);
     free(store->bounds);
     *store = (struct level_store){0};
 }
 
-static size_t post_index(const struct level_store *store, int32_t row, int32_t col)
+static size_t index_of(const struct level_store *store, int32_t half_row, int32_t half_col)
 {
-    uint32_t storage = (uint32_t)clipmap_storage(store->shape), mask = storage - 1;
-    return (size_t)((uint32_t)row & mask) * storage + ((uint32_t)col & mask);
+    uint32_t side = 2 * (uint32_t)clipmap_storage(store->shape), mask = side - 1;
+    return (size_t)((uint32_t)half_row & mask) * side + ((uint32_t)half_col & mask);
 }
 
-static double lat_step_deg(const struct level_store *store)
+static double half_step_deg(const struct level_store *store)
 {
-    return ldexp(store->shape->step_deg, store->level);
+    return ldexp(store->shape->step_deg, store->level - 1);
 }
 
 struct terrain_grid level_store_grid(const struct level_store *store, struct clipmap_rect rect)
 {
-    double step = lat_step_deg(store);
+    double step = half_step_deg(store);
     return (struct terrain_grid){
         .lat_step_deg = step,
         .lon_step_deg = step * store->lon_factor,
@@ -55,68 +55,62 @@ struct terrain_grid level_store_grid(const struct level_store *store, struct cli
 }
 
 void level_store_put(struct level_store *store, struct clipmap_rect rect, const float *altitude_m,
-                     const float *undulation_m)
+                     const float *undulation_m, const bool *water)
 {
     for (int r = 0; r < rect.rows; r++) {
         for (int c = 0; c < rect.cols; c++) {
-            size_t at = post_index(store, rect.row0 + r, rect.col0 + c);
+            size_t at = index_of(store, rect.row0 + r, rect.col0 + c);
             size_t from = (size_t)r * (size_t)rect.cols + (size_t)c;
             store->altitude_m[at] = altitude_m[from];
-            store->height[at].own_m = altitude_m[from] + undulation_m[from];
-        }
-    }
-}
-
-/* Linear between the coarser posts, with the very operations that the evaluation shader uses where
- * a coarser edge has the finer level's vertices, so that both sides get the same bits. */
-static float coarser_height(const struct level_store *coarser, int32_t row, int32_t col)
-{
-    int32_t r0 = row >> 1, c0 = col >> 1, r1 = (row + 1) >> 1, c1 = (col + 1) >> 1;
-    float a = coarser->height[post_index(coarser, r0, c0)].own_m;
-    float b = coarser->height[post_index(coarser, r1, c1)].own_m;
-    return 0.5f * (a + b);
-}
-
-void level_store_blend(struct level_store *store, struct clipmap_rect rect,
-                       const struct level_store *coarser)
-{
-    for (int32_t row = rect.row0; row < rect.row0 + rect.rows; row++) {
-        for (int32_t col = rect.col0; col < rect.col0 + rect.cols; col++) {
-            struct loader_height *height = &store->height[post_index(store, row, col)];
-            height->coarser_m = coarser ? coarser_height(coarser, row, col) : height->own_m;
+            store->height_m[at] = altitude_m[from] + undulation_m[from];
+            store->water[at] = water[from];
         }
     }
 }
 
 struct clipmap_rect level_store_grown(const struct level_store *store, struct clipmap_rect rect)
 {
-    struct clipmap_window w = store->window;
-    int32_t south = rect.row0 > w.row0 ? rect.row0 - 1 : rect.row0;
-    int32_t west = rect.col0 > w.col0 ? rect.col0 - 1 : rect.col0;
+    int32_t row0 = 2 * store->window.row0, col0 = 2 * store->window.col0;
+    int side = level_half_posts(store->shape);
+    int32_t south = rect.row0 > row0 ? rect.row0 - 1 : rect.row0;
+    int32_t west = rect.col0 > col0 ? rect.col0 - 1 : rect.col0;
     int32_t north = rect.row0 + rect.rows, east = rect.col0 + rect.cols;
-    north = north < w.row0 + store->shape->n ? north + 1 : north;
-    east = east < w.col0 + store->shape->n ? east + 1 : east;
+    north = north < row0 + side ? north + 1 : north;
+    east = east < col0 + side ? east + 1 : east;
     return (struct clipmap_rect){south, west, north - south, east - west};
+}
+
+/* Half of x, rounded up. */
+static int32_t half_up(int32_t x)
+{
+    return (x + 1) >> 1;
+}
+
+struct clipmap_rect level_store_posts(struct clipmap_rect rect)
+{
+    int32_t south = half_up(rect.row0), west = half_up(rect.col0);
+    return (struct clipmap_rect){south, west, half_up(rect.row0 + rect.rows) - south,
+                                 half_up(rect.col0 + rect.cols) - west};
 }
 
 /* The slope across one axis: central where both neighbours are in the window, else one-sided. */
 static float slope(const struct level_store *store, int32_t row, int32_t col, int dr, int dc,
                    float per_step)
 {
-    struct clipmap_window w = store->window;
-    int32_t last_row = w.row0 + store->shape->n - 1, last_col = w.col0 + store->shape->n - 1;
-    int back = row - dr >= w.row0 && col - dc >= w.col0;
-    int ahead = row + dr <= last_row && col + dc <= last_col;
-    float a = store->height[post_index(store, row - back * dr, col - back * dc)].own_m;
-    float b = store->height[post_index(store, row + ahead * dr, col + ahead * dc)].own_m;
+    int32_t row0 = 2 * store->window.row0, col0 = 2 * store->window.col0;
+    int32_t last = level_half_posts(store->shape) - 1;
+    int back = row - dr >= row0 && col - dc >= col0;
+    int ahead = row + dr <= row0 + last && col + dc <= col0 + last;
+    float a = store->height_m[index_of(store, row - back * dr, col - back * dc)];
+    float b = store->height_m[index_of(store, row + ahead * dr, col + ahead * dc)];
     return (b - a) * per_step / (float)(back + ahead);
 }
 
-void level_store_export(const struct level_store *store, struct clipmap_rect rect,
-                        struct loader_height *ret_heights, struct loader_surface *ret_surfaces)
+void level_store_export_surfaces(const struct level_store *store, struct clipmap_rect rect,
+                                 struct loader_surface *ret_surfaces)
 {
     const double a = 6378137.0, e2 = 6.69437999014e-3; /* WGS84 */
-    double step_rad = lat_step_deg(store) * M_PI / 180.0;
+    double step_rad = half_step_deg(store) * M_PI / 180.0;
     for (int r = 0; r < rect.rows; r++) {
         int32_t row = rect.row0 + r;
         double lat = fmin(fabs(row * step_rad), 89.5 * M_PI / 180.0);
@@ -125,26 +119,52 @@ void level_store_export(const struct level_store *store, struct clipmap_rect rec
         float per_col = (float)(1.0 / (a / w * cos(lat) * step_rad * store->lon_factor));
         for (int c = 0; c < rect.cols; c++) {
             int32_t col = rect.col0 + c;
-            size_t at = post_index(store, row, col);
-            *ret_heights++ = store->height[at];
-            float altitude = store->altitude_m[at];
+            size_t at = index_of(store, row, col);
             *ret_surfaces++ = (struct loader_surface){
                 .slope_east = half_from_float(slope(store, row, col, 0, 1, per_col)),
                 .slope_north = half_from_float(slope(store, row, col, 1, 0, per_row)),
-                .water = half_from_float(fabsf(altitude) < WATER_TOLERANCE_M ? 1.0f : 0.0f),
-                .altitude = half_from_float(altitude * 1e-3f),
+                .water = half_from_float(store->water[at]),
+                .altitude = half_from_float(store->altitude_m[at] * 1e-3f),
             };
         }
     }
 }
 
-static struct loader_bounds bounds_of(const struct level_store *store, int32_t row0, int32_t col0,
-                                      int32_t row1, int32_t col1)
+/* A post's own height and the coarser level's there: linear between the coarser posts, with the very
+ * operations that the evaluation shader uses where a coarser edge has the finer level's vertices, so
+ * that both sides get the same bits. */
+static struct loader_height heights_of_post(const struct level_store *store,
+                                            const struct level_store *coarser, int32_t row,
+                                            int32_t col)
+{
+    struct loader_height height = {.own_m = store->height_m[index_of(store, 2 * row, 2 * col)]};
+    height.coarser_m = height.own_m;
+    if (coarser) {
+        int32_t r0 = row >> 1, c0 = col >> 1, r1 = half_up(row), c1 = half_up(col);
+        float a = coarser->height_m[index_of(coarser, 2 * r0, 2 * c0)];
+        float b = coarser->height_m[index_of(coarser, 2 * r1, 2 * c1)];
+        height.coarser_m = 0.5f * (a + b);
+    }
+    return height;
+}
+
+void level_store_export_heights(const struct level_store *store, const struct level_store *coarser,
+                                struct clipmap_rect rect, struct loader_height *ret_heights)
+{
+    for (int32_t row = rect.row0; row < rect.row0 + rect.rows; row++)
+        for (int32_t col = rect.col0; col < rect.col0 + rect.cols; col++)
+            *ret_heights++ = heights_of_post(store, coarser, row, col);
+}
+
+/* Of the posts (row0, col0) to (row1, col1), both included. */
+static struct loader_bounds bounds_of(const struct level_store *store,
+                                      const struct level_store *coarser, int32_t row0,
+                                      int32_t col0, int32_t row1, int32_t col1)
 {
     struct loader_bounds bounds = {INFINITY, -INFINITY};
     for (int32_t row = row0; row <= row1; row++) {
         for (int32_t col = col0; col <= col1; col++) {
-            struct loader_height h = store->height[post_index(store, row, col)];
+            struct loader_height h = heights_of_post(store, coarser, row, col);
             bounds.min_m = fminf(bounds.min_m, fminf(h.own_m, h.coarser_m));
             bounds.max_m = fmaxf(bounds.max_m, fmaxf(h.own_m, h.coarser_m));
         }
@@ -152,14 +172,14 @@ static struct loader_bounds bounds_of(const struct level_store *store, int32_t r
     return bounds;
 }
 
-void level_store_bound(struct level_store *store)
+void level_store_bound(struct level_store *store, const struct level_store *coarser)
 {
     int squares = level_squares(store->shape), last = store->shape->n - 1;
     for (int j = 0; j < squares; j++) {
         for (int i = 0; i < squares; i++) {
             int row1 = (j + 1) * LEVEL_SQUARE, col1 = (i + 1) * LEVEL_SQUARE;
             store->bounds[j * squares + i] =
-                bounds_of(store, store->window.row0 + j * LEVEL_SQUARE,
+                bounds_of(store, coarser, store->window.row0 + j * LEVEL_SQUARE,
                           store->window.col0 + i * LEVEL_SQUARE,
                           store->window.row0 + (row1 < last ? row1 : last),
                           store->window.col0 + (col1 < last ? col1 : last));

@@ -1,5 +1,9 @@
-/* One clipmap level in main memory: the posts of its window, toroidally addressed, and what is
- * derived from them (slopes, water, the coarser level's heights, bounds). Used by the loader only. */
+/* One clipmap level in main memory: the ground of its window, toroidally addressed, and what is
+ * derived from it (heights, slopes, water, bounds). Used by the loader only.
+ *
+ * The ground is sampled twice as densely as the level's posts: a *half-post* (row, col) lies at
+ * half of the level's spacing, so post (r, c) is half-post (2r, 2c). The mesh takes the posts, the
+ * shading takes all. */
 #pragma once
 
 #include "terrain/loader.h"
@@ -12,39 +16,49 @@ static inline int level_squares(const struct clipmap_shape *shape)
     return (shape->n - 1 + LEVEL_SQUARE - 1) / LEVEL_SQUARE;
 }
 
+/* Half-posts along one side of a window. */
+static inline int level_half_posts(const struct clipmap_shape *shape)
+{
+    return 2 * shape->n - 1;
+}
+
 struct level_store {
     const struct clipmap_shape *shape;
     int level;
     int lon_factor;
-    bool filled;                  /* the window's posts are all there */
-    struct clipmap_window window;
-    float *altitude_m;            /* [storage][storage], above the geoid */
-    struct loader_height *height; /* [storage][storage], above the ellipsoid */
+    bool filled;                  /* the window is all there */
+    struct clipmap_window window; /* in posts */
+    float *altitude_m;            /* [2 storage][2 storage], above the geoid */
+    float *height_m;              /* the same above the ellipsoid */
+    bool *water;                  /* the same */
     struct loader_bounds *bounds; /* [squares][squares] */
 };
 
 int level_store_init(struct level_store *store, const struct clipmap_shape *shape, int level);
 void level_store_finish(struct level_store *store);
 
-/* The grid of posts that `rect` stands for. */
+/* The grid of half-posts that `rect` stands for. */
 struct terrain_grid level_store_grid(const struct level_store *store, struct clipmap_rect rect);
 
-/* Puts sampled altitudes and undulations ([rows][cols] of rect) into the store. */
+/* Puts sampled ground ([rows][cols] of a rectangle of half-posts) in. */
 void level_store_put(struct level_store *store, struct clipmap_rect rect, const float *altitude_m,
-                     const float *undulation_m);
+                     const float *undulation_m, const bool *water);
 
-/* Sets the coarser heights of the posts in `rect` from `coarser`, whose window must hold them;
- * NULL (there is no coarser level) makes them the level's own. */
-void level_store_blend(struct level_store *store, struct clipmap_rect rect,
-                       const struct level_store *coarser);
+/* `rect` (half-posts) grown by one on each side, within the window: those whose slopes change when
+ * the ground of `rect` does. */
+struct clipmap_rect level_store_grown(const struct level_store *store, struct clipmap_rect rect);
 
-/* Writes heights and surfaces of `rect` row-major for the upload. */
-void level_store_export(const struct level_store *store, struct clipmap_rect rect,
-                        struct loader_height *ret_heights, struct loader_surface *ret_surfaces);
+/* The posts among the half-posts of `rect`. */
+struct clipmap_rect level_store_posts(struct clipmap_rect rect);
+
+/* Writes the surface of half-posts, row-major, for the upload. */
+void level_store_export_surfaces(const struct level_store *store, struct clipmap_rect rect,
+                                 struct loader_surface *ret_surfaces);
+
+/* Writes the heights of posts. `coarser` is the next level, whose window must hold them; NULL (there
+ * is none) makes the coarser heights the level's own. */
+void level_store_export_heights(const struct level_store *store, const struct level_store *coarser,
+                                struct clipmap_rect rect, struct loader_height *ret_heights);
 
 /* Computes the bounds of all squares anew. */
-void level_store_bound(struct level_store *store);
-
-/* `rect` grown by one post on each side, within the window: the posts whose slopes change when
- * those of `rect` do. */
-struct clipmap_rect level_store_grown(const struct level_store *store, struct clipmap_rect rect);
+void level_store_bound(struct level_store *store, const struct level_store *coarser);

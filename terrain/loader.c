@@ -14,6 +14,9 @@
 #include "geo/geographic.h"
 #include "terrain/level_store.h"
 
+#define SEA_LEVEL_M 0.01f  /* sources have the sea at 0 */
+#define SHALLOW_M   -20.0f /* lower ground is taken for land, such as the Dead Sea's shores */
+
 struct wish {
     uint64_t number; /* 1, 2, ... */
     double lat_deg, lon_deg;
@@ -30,7 +33,8 @@ struct loader {
     struct clipmap_layout layout;
     int finest;
     bool placed;
-    float *altitude_m, *fallback_m, *undulation_m; /* [n][n] scratch */
+    bool *water;
+    float *altitude_m, *fallback_m, *undulation_m; /* of a window's half-posts, scratch */
 
     struct loader_update updates[LOADER_UPDATES];
     struct ring ready, free; /* of struct loader_update * */
@@ -43,59 +47,88 @@ struct loader {
     pthread_t thread;
 };
 
-static bool replace_voids(float *altitude_m, const float *from_m, size_t count)
+static bool sample_source(struct terrain_source *source, const struct terrain_grid *grid, float *ret_m)
 {
-    bool voids = false;
-    for (size_t i = 0; i < count; i++) {
-        if (isnan(altitude_m[i])) {
-            voids = true;
-            altitude_m[i] = from_m ? from_m[i] : 0.0f;
-        }
-    }
-    return voids;
+    return source && source->ops->sample_grid(source, grid, ret_m) == 0;
 }
 
-/* Fills loader->altitude_m and undulation_m with the posts of one rectangle. */
+static bool any_void_or_low(const float *altitude_m, size_t count)
+{
+    for (size_t i = 0; i < count; i++)
+        if (!(altitude_m[i] > SEA_LEVEL_M))
+            return true;
+    return false;
+}
+
+/* Puts the fallback's height (or 0) where the source has none, and finds the water: what lies at sea
+ * level, and what the source has a little lower where the fallback has sea (a scenery's chords under
+ * the round Earth, shallow bathymetry). */
+static void settle_ground(struct loader *loader, const struct terrain_grid *grid, size_t count)
+{
+    bool have = any_void_or_low(loader->altitude_m, count) &&
+                sample_source(loader->fallback, grid, loader->fallback_m);
+    for (size_t i = 0; i < count; i++) {
+        float altitude_m = loader->altitude_m[i];
+        if (isnan(altitude_m))
+            altitude_m = have ? loader->fallback_m[i] : 0.0f;
+        if (isnan(altitude_m))
+            altitude_m = 0.0f;
+        bool at_sea_level = fabsf(altitude_m) < SEA_LEVEL_M;
+        bool shallow = altitude_m < SEA_LEVEL_M && altitude_m > SHALLOW_M;
+        loader->water[i] = at_sea_level || (shallow && have && loader->fallback_m[i] == 0.0f);
+        loader->altitude_m[i] = altitude_m;
+    }
+}
+
+static void sample_undulation(struct loader *loader, const struct terrain_grid *grid)
+{
+    float *out = loader->undulation_m;
+    for (int r = 0; r < grid->rows; r++) {
+        double lat = fmin(fmax((double)(grid->row0 + r) * grid->lat_step_deg, -90.0), 90.0);
+        for (int c = 0; c < grid->cols; c++) {
+            double lon = (double)(grid->col0 + c) * grid->lon_step_deg;
+            *out++ = loader->geoid ? (float)geoid_undulation_m(loader->geoid, lat,
+                                                               longitude_normalised_deg(lon))
+                                   : 0.0f;
+        }
+    }
+}
+
+/* Fills the scratch arrays with the ground of one rectangle of half-posts. */
 static void sample_rect(struct loader *loader, const struct level_store *store,
                         struct clipmap_rect rect)
 {
     struct terrain_grid grid = level_store_grid(store, rect);
     size_t count = (size_t)rect.rows * (size_t)rect.cols;
-    if (loader->source->ops->sample_grid(loader->source, &grid, loader->altitude_m) < 0)
+    if (!sample_source(loader->source, &grid, loader->altitude_m))
         for (size_t i = 0; i < count; i++)
             loader->altitude_m[i] = NAN;
-    bool voids = false;
-    for (size_t i = 0; i < count && !voids; i++)
-        voids = isnan(loader->altitude_m[i]);
-    if (voids) {
-        bool have = loader->fallback && loader->fallback->ops->sample_grid(
-                                            loader->fallback, &grid, loader->fallback_m) == 0;
-        if (have)
-            replace_voids(loader->fallback_m, NULL, count);
-        replace_voids(loader->altitude_m, have ? loader->fallback_m : NULL, count);
-    }
-    for (int r = 0; r < rect.rows; r++) {
-        double lat = fmin(fmax((double)(grid.row0 + r) * grid.lat_step_deg, -90.0), 90.0);
-        for (int c = 0; c < rect.cols; c++) {
-            double lon = (double)(grid.col0 + c) * grid.lon_step_deg;
-            loader->undulation_m[(size_t)r * (size_t)rect.cols + (size_t)c] =
-                loader->geoid
-                    ? (float)geoid_undulation_m(loader->geoid, lat, longitude_normalised_deg(lon))
-                    : 0.0f;
-        }
-    }
+    settle_ground(loader, &grid, count);
+    sample_undulation(loader, &grid);
     atomic_fetch_add_explicit(&loader->posts_sampled, count, memory_order_relaxed);
 }
 
 static void add_strip(struct loader_update *update, const struct level_store *store,
-                      struct clipmap_rect rect)
+                      const struct level_store *coarser, struct clipmap_rect half_posts)
 {
     assert(update->strip_count < LOADER_MAX_STRIPS);
-    update->strips[update->strip_count++] =
-        (struct loader_strip){.level = store->level, .rect = rect, .offset = update->posts};
-    level_store_export(store, rect, update->heights + update->posts,
-                       update->surfaces + update->posts);
-    update->posts += (size_t)rect.rows * (size_t)rect.cols;
+    struct loader_strip strip = {
+        .level = store->level,
+        .posts = level_store_posts(half_posts),
+        .half_posts = half_posts,
+        .height_offset = update->height_count,
+        .surface_offset = update->surface_count,
+    };
+    level_store_export_heights(store, coarser, strip.posts, update->heights + update->height_count);
+    level_store_export_surfaces(store, half_posts, update->surfaces + update->surface_count);
+    update->height_count += (size_t)strip.posts.rows * (size_t)strip.posts.cols;
+    update->surface_count += (size_t)half_posts.rows * (size_t)half_posts.cols;
+    update->strips[update->strip_count++] = strip;
+}
+
+static struct clipmap_window in_half_posts(struct clipmap_window window)
+{
+    return (struct clipmap_window){2 * window.row0, 2 * window.col0};
 }
 
 /* Brings one level to its new window and puts what it gained into the update. */
@@ -105,13 +138,11 @@ static void move_level(struct loader *loader, int level, const struct clipmap_la
     struct level_store *store = &loader->stores[level];
     struct clipmap_window to = layout->windows[level];
     struct clipmap_rect rects[2];
-    int n = loader->shape.n, count;
-    if (store->filled && store->lon_factor == layout->lon_factor) {
-        count = clipmap_uncovered(&loader->shape, store->window, to, rects);
-    } else {
-        rects[0] = (struct clipmap_rect){to.row0, to.col0, n, n};
-        count = 1;
-    }
+    int side = level_half_posts(&loader->shape), count = 1;
+    if (store->filled && store->lon_factor == layout->lon_factor)
+        count = clipmap_uncovered(side, in_half_posts(store->window), in_half_posts(to), rects);
+    else
+        rects[0] = (struct clipmap_rect){2 * to.row0, 2 * to.col0, side, side};
     store->window = to;
     store->lon_factor = layout->lon_factor;
     store->filled = true;
@@ -119,13 +150,12 @@ static void move_level(struct loader *loader, int level, const struct clipmap_la
         level + 1 < loader->shape.levels ? &loader->stores[level + 1] : NULL;
     for (int i = 0; i < count; i++) {
         sample_rect(loader, store, rects[i]);
-        level_store_put(store, rects[i], loader->altitude_m, loader->undulation_m);
-        level_store_blend(store, rects[i], coarser);
+        level_store_put(store, rects[i], loader->altitude_m, loader->undulation_m, loader->water);
     }
     for (int i = 0; i < count; i++)
-        add_strip(update, store, level_store_grown(store, rects[i]));
+        add_strip(update, store, coarser, level_store_grown(store, rects[i]));
     if (count > 0)
-        level_store_bound(store);
+        level_store_bound(store, coarser);
 }
 
 static void ground_below(struct loader *loader, const struct wish *wish,
@@ -148,7 +178,7 @@ static void fill_update(struct loader *loader, const struct wish *wish,
                         const struct clipmap_layout *layout, struct loader_update *update)
 {
     update->strip_count = 0;
-    update->posts = 0;
+    update->height_count = update->surface_count = 0;
     update->layout = *layout;
     update->finest = wish->finest;
     update->eye_lat_deg = wish->lat_deg;
@@ -228,13 +258,14 @@ static void *loader_main(void *data)
 static int allocate(struct loader *loader)
 {
     struct clipmap_shape *shape = &loader->shape;
-    size_t window = (size_t)shape->n * (size_t)shape->n;
+    size_t half_posts = (size_t)level_half_posts(shape) * (size_t)level_half_posts(shape);
     size_t squares = (size_t)level_squares(shape) * (size_t)level_squares(shape);
     size_t levels = (size_t)shape->levels;
-    loader->altitude_m = malloc(window * sizeof(float));
-    loader->fallback_m = malloc(window * sizeof(float));
-    loader->undulation_m = malloc(window * sizeof(float));
-    if (!loader->altitude_m || !loader->fallback_m || !loader->undulation_m)
+    loader->altitude_m = malloc(half_posts * sizeof(float));
+    loader->fallback_m = malloc(half_posts * sizeof(float));
+    loader->undulation_m = malloc(half_posts * sizeof(float));
+    loader->water = malloc(half_posts * sizeof(bool));
+    if (!loader->water || !loader->altitude_m || !loader->fallback_m || !loader->undulation_m)
         return -ENOMEM;
     for (int level = 0; level < shape->levels; level++)
         if (level_store_init(&loader->stores[level], shape, level) < 0)
@@ -243,12 +274,12 @@ static int allocate(struct loader *loader)
         ring_init(&loader->free, sizeof(struct loader_update *), LOADER_UPDATES) < 0 ||
         latest_init(&loader->wishes, sizeof(struct wish)) < 0)
         return -ENOMEM;
-    /* A strip grown by a post each side: two of them may overlap, hence the factor. */
-    size_t posts = levels * (window + 8 * (size_t)shape->n);
+    /* Two strips of a level, each grown by one a side, overlap by a few rows and columns. */
+    size_t surfaces = levels * (half_posts + 16 * (size_t)shape->n);
     for (int i = 0; i < LOADER_UPDATES; i++) {
         struct loader_update *update = &loader->updates[i];
-        update->heights = malloc(posts * sizeof(*update->heights));
-        update->surfaces = malloc(posts * sizeof(*update->surfaces));
+        update->heights = malloc(surfaces / 2 * sizeof(*update->heights));
+        update->surfaces = malloc(surfaces * sizeof(*update->surfaces));
         update->bounds = calloc(levels * squares, sizeof(*update->bounds));
         if (!update->heights || !update->surfaces || !update->bounds)
             return -ENOMEM;
@@ -267,6 +298,7 @@ static void loader_free(struct loader *loader)
     }
     for (int level = 0; level < CLIPMAP_MAX_LEVELS; level++)
         level_store_finish(&loader->stores[level]);
+    free(loader->water);
     free(loader->altitude_m);
     free(loader->fallback_m);
     free(loader->undulation_m);

@@ -24,19 +24,19 @@ struct loader_height {
     float own_m, coarser_m;
 };
 
-/* A post as the surface texture holds it, IEEE half floats. */
+/* The ground as the surface texture holds it, twice as densely as the posts; IEEE half floats. */
 struct loader_surface {
     uint16_t slope_east, slope_north; /* metres a metre */
     uint16_t water;                   /* 0 land .. 1 water */
     uint16_t altitude;                /* above the geoid, km */
 };
 
-/* A rectangle of posts to be copied into a level's toroidal storage. Its posts lie row-major at
- * `offset` in the update's arrays. */
+/* What a level gained, to be copied into its toroidal storages; both rectangles row-major. */
 struct loader_strip {
     int level;
-    struct clipmap_rect rect;
-    size_t offset;
+    struct clipmap_rect posts;      /* whose heights lie at heights + height_offset */
+    struct clipmap_rect half_posts; /* at half the spacing: surfaces + surface_offset */
+    size_t height_offset, surface_offset;
 };
 
 struct loader_bounds {
@@ -53,7 +53,7 @@ struct loader_update {
     struct loader_strip strips[LOADER_MAX_STRIPS];
     struct loader_height *heights;   /* staging, owned by the loader */
     struct loader_surface *surfaces;
-    size_t posts;                    /* used in both arrays */
+    size_t height_count, surface_count; /* used */
     /* By row and column of the 8 x 8 cell squares of each level, from the window's origin. */
     struct loader_bounds *bounds;    /* [levels][side][side], owned by the loader */
 };

@@ -11,7 +11,7 @@
 #define FINEST_STEP_DEG (1.0 / (PLANET_CELLS_PER_DEG * 8192))
 
 /* Height of the first octave's noise over the relief about it, and where there is none. */
-#define NOISE_PER_RELIEF 1.9f
+#define NOISE_PER_RELIEF 1.5f
 #define NOISE_LEAST_M    1.5f
 
 /* Relief from which hills turn into ridges, and where they are nothing else. */

@@ -67,6 +67,29 @@ static void native_example_is_encoded_byte_for_byte(void)
             CHECK_FAIL("byte %zu is %02x, expected %02x", i, actual[i], expected[i]);
 }
 
+static void the_documents_example_is_this_one(void)
+{
+    const char *docs = getenv("OTWD_DOCS");
+    char path[4096], text[16384];
+    uint8_t expected[256], documented[256];
+    snprintf(path, sizeof(path), "%s/wire.md", docs ? docs : "docs");
+    FILE *file = fopen(path, "re");
+    CHECK(file != NULL);
+    if (!file)
+        return;
+    text[fread(text, 1, sizeof(text) - 1, file)] = 0;
+    fclose(file);
+    char *block = strstr(text, "### Example");
+    char *start = block ? strstr(block, "```") : NULL;
+    char *end = start ? strstr(start + 3, "```") : NULL;
+    CHECK(end != NULL);
+    if (!end)
+        return;
+    *end = 0;
+    CHECK_INT(bytes_from_hex(start, documented, sizeof(documented)), native_bytes(expected));
+    CHECK(memcmp(documented, expected, NATIVE_SIZE) == 0);
+}
+
 static void native_example_is_decoded(void)
 {
     uint8_t data[256];
@@ -506,6 +529,7 @@ static void the_identification_service_is_answered(void)
 
 static const struct check_test tests[] = {
     {"the native example is encoded byte for byte", native_example_is_encoded_byte_for_byte},
+    {"the example in docs/wire.md is this one", the_documents_example_is_this_one},
     {"the native example is decoded", native_example_is_decoded},
     {"the native datum flag is honoured", native_datum_flag_is_honoured},
     {"native numbers that are not claimed may be anything",

@@ -15,10 +15,10 @@ layout(location = 0) out vec4 colour;
 vec4 surface_of_level(vec2 grid, int level)
 {
     float spacing = exp2(float(-level));
-    ivec2 base = scene.base.xy, mask = scene.base.zz;
-    vec2 texel = vec2((base >> level) & mask) +
-                 (vec2(base & ((1 << level) - 1)) + grid) * spacing + 0.5;
-    return textureLod(surfaces, vec3(texel * scene.eye_texture.w, level), 0.0);
+    ivec2 base = scene.base.xy << 1; // in half-posts
+    vec2 texel = vec2((base >> level) & (2 * scene.base.z + 1)) +
+                 (vec2(base & ((1 << level) - 1)) + 2.0 * grid) * spacing + 0.5;
+    return textureLod(surfaces, vec3(texel * (0.5 * scene.eye_texture.w), level), 0.0);
 }
 
 vec4 surface_at(vec2 grid)
@@ -37,30 +37,34 @@ vec4 surface_at(vec2 grid)
     return mix(own, surface_of_level(grid, level + 1), blend);
 }
 
+// What grows or lies there. `wide` varies over kilometres, `near` over metres; both are fixed to the
+// ground. Tree and snow lines follow the latitude as they do on Earth.
 vec3 land_colour(float altitude_km, float steepness, vec4 wide, vec4 near)
 {
-    float patches = wide.z * 0.6 + near.z * 0.4;
-    float moisture = smoothstep(0.35, 0.65, wide.w * 0.75 + near.w * 0.25);
-    vec3 grass = mix(vec3(0.25, 0.22, 0.10), vec3(0.12, 0.17, 0.055), moisture);
-    vec3 forest = vec3(0.035, 0.065, 0.028);
-    vec3 alpine = vec3(0.24, 0.22, 0.15);
-    vec3 rock = mix(vec3(0.20, 0.18, 0.16), vec3(0.30, 0.28, 0.26), patches);
-    vec3 snow = vec3(0.86, 0.89, 0.94);
     float sin2 = scene.eye_trig.x * scene.eye_trig.x;
-    float tree_line = 3.6 - 3.6 * sin2;
-    float snow_line = 5.2 - 4.9 * sin2;
-    float ragged = (patches - 0.5) * 0.9;
-    float trees = smoothstep(0.48, 0.58, moisture * 0.55 + near.w * 0.45) *
-                  (1.0 - smoothstep(tree_line - 0.35, tree_line + 0.05, altitude_km + 0.5 * ragged)) *
-                  (1.0 - smoothstep(0.55, 0.85, steepness));
-    vec3 land = mix(grass, alpine, smoothstep(tree_line - 0.5, tree_line + 0.4, altitude_km + ragged));
-    land = mix(land, forest, trees);
-    land *= 0.72 + 0.56 * near.z;
-    land = mix(land, rock * (0.6 + 0.7 * near.z), smoothstep(0.42, 0.75, steepness + 0.35 * ragged));
-    float snowy = smoothstep(snow_line - 0.15, snow_line + 0.25, altitude_km + ragged) *
-                  (1.0 - smoothstep(0.75, 1.25, steepness + 0.2 * ragged));
+    float tree_line = 3.9 - (2.6 + 2.0 * sin2) * sin2;
+    float snow_line = 5.3 - (2.6 + 3.2 * sin2) * sin2;
+    float patches = wide.z * 0.55 + near.z * 0.45;
+    float ragged = (patches - 0.5) * 1.1;
+    float moisture = smoothstep(0.38, 0.62, wide.w * 0.7 + near.w * 0.3);
+
+    vec3 meadow = mix(vec3(0.155, 0.135, 0.060), vec3(0.070, 0.105, 0.028), moisture);
+    vec3 forest = vec3(0.018, 0.036, 0.014) * (0.7 + 0.6 * near.z);
+    vec3 alpine = mix(vec3(0.155, 0.135, 0.085), vec3(0.105, 0.110, 0.055), moisture);
+    vec3 rock = mix(vec3(0.115, 0.105, 0.098), vec3(0.215, 0.200, 0.185), patches);
+    vec3 snow = vec3(0.80, 0.84, 0.90);
+
+    float above_trees = smoothstep(-0.25, 0.15, altitude_km + 0.4 * ragged - tree_line);
+    vec3 land = mix(meadow, alpine, above_trees);
+    float trees = smoothstep(0.49, 0.53, wide.w * 0.45 + near.w * 0.35 + near.z * 0.2) *
+                  (1.0 - above_trees) * (1.0 - smoothstep(0.7, 1.1, steepness));
+    land = mix(land * (0.65 + 0.7 * near.z), forest, trees);
+    float bare = smoothstep(0.62, 0.78, steepness + 0.7 * ragged + 0.2 * above_trees);
+    land = mix(land, rock * (0.25 + 1.5 * near.z), bare);
+    float snowy = smoothstep(-0.04, 0.10, altitude_km + 0.9 * ragged - snow_line) *
+                  (1.0 - smoothstep(0.75, 0.95, steepness + 0.5 * ragged));
     land = mix(land, snow, snowy);
-    return mix(vec3(0.34, 0.30, 0.21), land, smoothstep(0.0005, 0.006, altitude_km));
+    return mix(vec3(0.21, 0.18, 0.125), land, smoothstep(0.0005, 0.006, altitude_km));
 }
 
 // Power 32 by squaring.
@@ -92,21 +96,21 @@ vec3 ground_radiance(vec3 enu, vec3 view, float distance_m)
     vec2 place = grid + scene.eye_texture.xy;
     // Finest posts that a pixel covers, lengthened by half of the foreshortening.
     float posts = distance_m * scene.view_rays[1].z * inversesqrt(clamp(-view.z, 0.02, 1.0));
-    float lod = log2(posts);
+    float lod = log2(posts) - 0.6;
     vec4 wide = textureLod(ground, place * (1.0 / 16384.0), lod - 6.0);
     vec4 middle = textureLod(ground, place * (1.0 / 2048.0), lod - 3.0);
     vec4 near = textureLod(ground, place * (1.0 / 256.0), lod);
 
     float steepness = length(surface.xy);
     float water = smoothstep(0.45, 0.55, surface.z);
-    vec2 bumps = (middle.xy - 0.5) * 0.5 + (near.xy - 0.5) * 0.6;
-    vec2 slope = surface.xy + bumps * (0.25 + 0.75 * min(steepness, 1.0)) * (1.0 - water);
+    vec2 bumps = (wide.xy - 0.5) * 0.7 + (middle.xy - 0.5) * 1.3 + (near.xy - 0.5) * 1.4;
+    vec2 slope = surface.xy + bumps * (0.12 + 0.88 * min(steepness, 1.0)) * (1.0 - water);
     slope += (near.xy - 0.5) * 0.05 * water;
     vec3 normal = normalize(vec3(-slope, 1.0));
 
-    vec3 sun_colour = mix(vec3(1.7, 0.95, 0.5), vec3(1.85, 1.75, 1.55),
+    vec3 sun_colour = mix(vec3(2.9, 1.5, 0.7), vec3(3.5, 3.25, 2.8),
                           clamp(scene.sun.z * 3.0, 0.0, 1.0)) * scene.sun.w;
-    vec3 ambient = vec3(0.30, 0.38, 0.50) * scene.haze.w;
+    vec3 ambient = vec3(0.26, 0.36, 0.54) * scene.haze.w;
     if (water >= 1.0)
         return water_radiance(view, normal, sun_colour, ambient);
     float lit = max(dot(normal, scene.sun.xyz), 0.0);

@@ -1,0 +1,417 @@
+/* The drawn frame against analytic ground, on whatever OpenGL 4.5 there is (llvmpipe in CI). */
+#include <errno.h>
+
+#include "geo/geographic.h"
+#include "render/geo_pixels.h"
+#include "render/readback.h"
+#include "render/renderer.h"
+#include "tests/check.h"
+
+#define WIDTH  320
+#define HEIGHT 180
+
+/* Ground as a formula: the height is above the ellipsoid, for there is no geoid here. */
+struct formula {
+    struct terrain_source source;
+    double (*height_m)(double lat_deg, double lon_deg);
+    double step_deg;
+};
+
+static int formula_grid(struct terrain_source *source, const struct terrain_grid *grid, float *ret)
+{
+    struct formula *formula = (struct formula *)source;
+    for (int r = 0; r < grid->rows; r++)
+        for (int c = 0; c < grid->cols; c++)
+            *ret++ = (float)formula->height_m((double)(grid->row0 + r) * grid->lat_step_deg,
+                                              (double)(grid->col0 + c) * grid->lon_step_deg);
+    return 0;
+}
+
+static int formula_point(struct terrain_source *source, double lat_deg, double lon_deg, double *ret)
+{
+    *ret = ((struct formula *)source)->height_m(lat_deg, lon_deg);
+    return 0;
+}
+
+static void formula_facts(const struct terrain_source *source, struct terrain_facts *ret_facts)
+{
+    *ret_facts = (struct terrain_facts){
+        .finest_lat_step_deg = ((const struct formula *)source)->step_deg};
+}
+
+static void formula_destroy(struct terrain_source *source)
+{
+    free(source);
+}
+
+static const struct terrain_source_ops formula_ops = {formula_grid, formula_point, formula_facts,
+                                                      formula_destroy};
+
+static struct terrain_source *formula_create(double (*height_m)(double, double))
+{
+    struct formula *formula = calloc(1, sizeof(*formula));
+    *formula = (struct formula){
+        .source.ops = &formula_ops, .height_m = height_m, .step_deg = 1.0 / 98304.0};
+    return &formula->source;
+}
+
+static double flat_ground(double lat_deg, double lon_deg)
+{
+    (void)lat_deg, (void)lon_deg;
+    return 100.0;
+}
+
+/* A different height at every post: the worst ground that there can be for shared edges. */
+static double rough_ground(double lat_deg, double lon_deg)
+{
+    lon_deg -= 360.0 * floor(lon_deg / 360.0);
+    uint64_t h = (uint64_t)llround(lat_deg * 196608.0) * 0x9e3779b97f4a7c15u ^
+                 (uint64_t)llround(lon_deg * 196608.0) * 0xc2b2ae3d27d4eb4fu;
+    h = (h ^ h >> 29) * 0xbf58476d1ce4e5b9u;
+    return 900.0 + 40.0 * ((double)(h >> 11) * 0x1p-53 - 0.5);
+}
+
+static double hilly_ground(double lat_deg, double lon_deg)
+{
+    const double turn = 2.0 * M_PI; /* whole waves a degree: the same across the antimeridian */
+    return 600.0 + 300.0 * sin(turn * 28.0 * lat_deg) * cos(turn * 24.0 * lon_deg) +
+           3.0 * sin(turn * 320.0 * lat_deg + 1.0) * sin(turn * 270.0 * lon_deg);
+}
+
+static struct gl_facts gl;
+
+struct scene_under_test {
+    struct renderer *renderer;
+    struct readback *depth, *colour;
+};
+
+static bool open_scene(double (*height_m)(double, double), int n, struct scene_under_test *ret)
+{
+    struct terrain_source *source = formula_create(height_m);
+    struct terrain_facts facts;
+    source->ops->facts(source, &facts);
+    struct renderer_params params = {
+        .width = WIDTH,
+        .height = HEIGHT,
+        .shape = renderer_shape(&facts, HEIGHT, 0.25, gl.software),
+        .source = source,
+    };
+    if (n) {
+        params.shape.levels += (int)lround(log2((params.shape.n + 1.0) / (n + 1.0)));
+        params.shape.n = n;
+    }
+    struct diag diag = {0};
+    int r = renderer_create(&params, &gl, &ret->renderer, &diag);
+    if (r == 0)
+        r = readback_create(WIDTH, HEIGHT, READBACK_DEPTH, &ret->depth, &diag);
+    if (r == 0)
+        r = readback_create(WIDTH, HEIGHT, READBACK_COLOUR, &ret->colour, &diag);
+    if (r < 0)
+        CHECK_FAIL("%s", diag.text);
+    return r == 0;
+}
+
+static void close_scene(struct scene_under_test *scene)
+{
+    readback_destroy(scene->depth);
+    readback_destroy(scene->colour);
+    renderer_destroy(scene->renderer);
+}
+
+static struct view view_at(double lat_deg, double lon_deg, double height_m, double heading_deg,
+                           double pitch_deg, double roll_deg)
+{
+    static const struct channel_geometry geometry = {
+        .left_deg = -30, .right_deg = 30, .bottom_deg = -18, .top_deg = 18};
+    struct pose pose = {.position = {lat_deg, lon_deg, height_m},
+                        .attitude = {roll_deg, pitch_deg, heading_deg}};
+    struct view view;
+    view_from_pose(&pose, &geometry, &view);
+    view.near_m = 0.5;
+    view.visibility_m = 40000;
+    view.sun_enu[0] = view.sun_enu[2] = 0.7071;
+    return view;
+}
+
+/* Draws with all terrain there; the pixels land in `ret` ([HEIGHT][WIDTH], rows from the bottom). */
+static void draw(struct scene_under_test *scene, struct view *view, float *ret_depth,
+                 uint32_t *ret_colour, struct renderer_frame *ret_frame)
+{
+    struct renderer_frame frame;
+    for (int i = 0; i < 2; i++) { /* the second time with the ground's height known */
+        renderer_wish(scene->renderer, &view->eye);
+        renderer_wait(scene->renderer);
+        renderer_draw(scene->renderer, view);
+        renderer_finish(scene->renderer, &frame);
+    }
+    uint64_t number;
+    if (ret_depth) {
+        readback_start(scene->depth, renderer_depth_framebuffer(scene->renderer), 0);
+        memcpy(ret_depth, readback_take(scene->depth, true, &number), WIDTH * HEIGHT * 4);
+        readback_release(scene->depth);
+    }
+    if (ret_colour) {
+        readback_start(scene->colour, renderer_framebuffer(scene->renderer), 0);
+        memcpy(ret_colour, readback_take(scene->colour, true, &number), WIDTH * HEIGHT * 4);
+        readback_release(scene->colour);
+    }
+    if (ret_frame)
+        *ret_frame = frame;
+}
+
+/* The angle of a pixel's ray above the horizontal. */
+static double elevation_rad(const struct view *view, int row, int col)
+{
+    double x = view->tan_left + (view->tan_right - view->tan_left) * (col + 0.5) / WIDTH;
+    double y = view->tan_bottom + (view->tan_top - view->tan_bottom) * (row + 0.5) / HEIGHT;
+    double up = view->enu_from_eye[2][0] * x + view->enu_from_eye[2][1] * y -
+                view->enu_from_eye[2][2];
+    return asin(up / sqrt(x * x + y * y + 1.0));
+}
+
+/* Sky pixels well below the horizon of the lowest ground: cracks. */
+static int count_cracks(const struct view *view, const float *depth, double lowest_m)
+{
+    double dip_rad = acos(6.35e6 / (6.35e6 + fmax(view->eye.height_m - lowest_m, 0.0)));
+    int cracks = 0;
+    for (int row = 0; row < HEIGHT; row++)
+        for (int col = 0; col < WIDTH; col++)
+            cracks += depth[row * WIDTH + col] <= 0.0f &&
+                      elevation_rad(view, row, col) < -dip_rad - 0.004;
+    return cracks;
+}
+
+static const double places[][2] = {
+    {46.5, 8.0},  {0.0, 0.0},     {-33.9, 18.4}, {59.6, 10.0}, {60.4, -150.0},
+    {79.5, 15.0}, {-79.9, 179.99}, {12.0, 180.0}, {64.0, -22.0}, {-5.0, -179.9999},
+};
+#define PLACES (sizeof(places) / sizeof(places[0]))
+
+static void rough_ground_has_no_cracks(void)
+{
+    struct scene_under_test scene = {0};
+    if (!open_scene(rough_ground, 0, &scene))
+        return;
+    static float depth[WIDTH * HEIGHT];
+    int cracks = 0, frames = 0;
+    static const double above_m[] = {15, 120, 700, 4000, 30000};
+    for (size_t p = 0; p < PLACES; p++) {
+        for (size_t h = 0; h < 5; h++) {
+            for (int turn = 0; turn < 3; turn++) {
+                struct view view = view_at(places[p][0], places[p][1], 930.0 + above_m[h],
+                                           37.0 + 120.0 * turn, -8.0 - 20.0 * turn, 25.0 * turn);
+                draw(&scene, &view, depth, NULL, NULL);
+                int found = count_cracks(&view, depth, 880.0);
+                if (found)
+                    fprintf(stderr, "%d at %g %g, %g m, heading %g\n", found, places[p][0],
+                            places[p][1], above_m[h], 37.0 + 120.0 * turn);
+                cracks += found;
+                frames++;
+            }
+        }
+    }
+    CHECK_INT(cracks, 0);
+    CHECK_INT(frames, 150);
+    close_scene(&scene);
+}
+
+static void a_flight_has_no_cracks_at_any_step(void)
+{
+    struct scene_under_test scene = {0};
+    if (!open_scene(rough_ground, 63, &scene))
+        return;
+    static float depth[WIDTH * HEIGHT];
+    int cracks = 0;
+    for (int i = 0; i < 200; i++) { /* small steps, so that every window moves by itself */
+        struct view view = view_at(46.5 + i * 3.1e-5, 8.0 + i * 4.7e-5, 1000.0 + i * 0.5,
+                                   50.0 + i * 1.5, -12.0, 20.0 * sin(i * 0.1));
+        draw(&scene, &view, depth, NULL, NULL);
+        cracks += count_cracks(&view, depth, 880.0);
+    }
+    CHECK_INT(cracks, 0);
+    close_scene(&scene);
+}
+
+/* What the depth buffer says lies at a pixel, against the formula: along the ray, the ground that is
+ * drawn differs by the level's own coarseness; flat ground has none but the Earth's curvature. */
+static void flat_ground_lies_where_it_should(void)
+{
+    struct scene_under_test scene = {0};
+    if (!open_scene(flat_ground, 0, &scene))
+        return;
+    static float depth[WIDTH * HEIGHT];
+    static double pixels[WIDTH * HEIGHT * 3];
+    double worst_near_m = 0.0;
+    int wrong = 0, counted = 0;
+    for (size_t p = 0; p < PLACES; p++) {
+        struct view view = view_at(places[p][0], places[p][1], 250.0, 36.0 * (double)p, -6.0, 5.0);
+        draw(&scene, &view, depth, NULL, NULL);
+        geo_pixels_from_depth(&view, depth, WIDTH, HEIGHT, pixels);
+        for (int i = 0; i < WIDTH * HEIGHT; i++) {
+            if (isnan(pixels[3 * i]))
+                continue;
+            struct geodetic place = {pixels[3 * i], pixels[3 * i + 1], pixels[3 * i + 2]};
+            double enu[3];
+            enu_from_geodetic(&view.eye, &place, enu);
+            double distance_m = sqrt(enu[0] * enu[0] + enu[1] * enu[1] + enu[2] * enu[2]);
+            double error_m = fabs(place.height_m - 100.0);
+            /* A chord of a cell a 50th of the distance long sags by d^2 / 20000 R. */
+            double sag_m = distance_m * distance_m / 20000.0 / 6.37e6 * 4.0;
+            counted++;
+            wrong += (error_m - sag_m) / distance_m > 1e-6;
+            if (distance_m < 1000.0)
+                worst_near_m = fmax(worst_near_m, error_m);
+        }
+    }
+    printf("     %d of %d pixels are off by more than 1e-6 of the distance; %.2g m within 1 km\n",
+           wrong, counted, worst_near_m);
+    /* A software rasteriser extrapolates depth across a sliver seen edge-on now and then. */
+    CHECK(gl.software ? wrong <= counted / 50000 : wrong == 0);
+    CHECK(worst_near_m < 0.003);
+    close_scene(&scene);
+}
+
+static void hills_lie_where_they_should(void)
+{
+    struct scene_under_test scene = {0};
+    if (!open_scene(hilly_ground, 0, &scene))
+        return;
+    static float depth[WIDTH * HEIGHT];
+    static double pixels[WIDTH * HEIGHT * 3];
+    int wrong = 0, counted = 0;
+    for (size_t p = 0; p < PLACES; p++) {
+        double ground_m = hilly_ground(places[p][0], places[p][1]);
+        struct view view = view_at(places[p][0], places[p][1], ground_m + 150.0, 50.0, -10.0, 0.0);
+        draw(&scene, &view, depth, NULL, NULL);
+        geo_pixels_from_depth(&view, depth, WIDTH, HEIGHT, pixels);
+        for (int i = 0; i < WIDTH * HEIGHT; i++) {
+            if (isnan(pixels[3 * i]) || depth[(HEIGHT - 1 - i / WIDTH) * WIDTH + i % WIDTH] <
+                                            0.5f / 3000.0f)
+                continue;
+            counted++;
+            wrong += fabs(pixels[3 * i + 2] - hilly_ground(pixels[3 * i], pixels[3 * i + 1])) > 1.0;
+        }
+    }
+    printf("     %d of %d pixels within 3 km are off by more than 1 m\n", wrong, counted);
+    CHECK(counted > 100000);
+    CHECK(wrong < counted / 20);
+    close_scene(&scene);
+}
+
+static void the_same_pose_gives_the_same_pixels(void)
+{
+    struct scene_under_test scene = {0};
+    if (!open_scene(hilly_ground, 0, &scene))
+        return;
+    static uint32_t first[WIDTH * HEIGHT], again[WIDTH * HEIGHT];
+    struct view view = view_at(46.5, 8.0, 1100.0, 50.0, -10.0, 0.0);
+    struct view elsewhere = view_at(46.6, 8.3, 1300.0, 250.0, -10.0, 0.0);
+    draw(&scene, &view, NULL, first, NULL);
+    draw(&scene, &elsewhere, NULL, again, NULL);
+    CHECK(memcmp(first, again, sizeof(first)) != 0);
+    draw(&scene, &view, NULL, again, NULL);
+    CHECK(memcmp(first, again, sizeof(first)) == 0);
+    close_scene(&scene);
+}
+
+/* The antimeridian is a place like any other: the picture over it is the one over 0, moved. */
+static void the_antimeridian_is_not_seen(void)
+{
+    struct scene_under_test scene = {0};
+    if (!open_scene(rough_ground, 0, &scene))
+        return;
+    static float before[WIDTH * HEIGHT], after[WIDTH * HEIGHT];
+    struct view west = view_at(10.0, 180.0, 1100.0, 90.0, -10.0, 0.0);
+    struct view east = view_at(10.0, -180.0, 1100.0, 90.0, -10.0, 0.0);
+    draw(&scene, &west, before, NULL, NULL);
+    struct loader_counts counts[2];
+    renderer_loader_counts(scene.renderer, &counts[0]);
+    draw(&scene, &east, after, NULL, NULL);
+    renderer_loader_counts(scene.renderer, &counts[1]);
+    CHECK(memcmp(before, after, sizeof(before)) == 0);
+    CHECK_INT(counts[1].posts_sampled, counts[0].posts_sampled); /* nothing is loaded anew */
+    close_scene(&scene);
+}
+
+static void the_cpu_sends_at_most_43_vertices_a_level(void)
+{
+    static const int sizes[] = {63, 127, 255, 511};
+    for (int i = 0; i < 4; i++) {
+        if (gl.software && sizes[i] > 255)
+            continue; /* one of its blocks would exceed what a software draw may emit */
+        struct scene_under_test scene = {0};
+        if (!open_scene(hilly_ground, sizes[i], &scene))
+            return;
+        static float depth[WIDTH * HEIGHT];
+        struct view view = view_at(46.5, 8.0, 1100.0, 50.0, -10.0, 0.0);
+        struct renderer_frame frame;
+        draw(&scene, &view, depth, NULL, &frame);
+        struct terrain_facts facts = {.finest_lat_step_deg = 1.0 / 98304.0};
+        struct clipmap_shape shape = renderer_shape(&facts, HEIGHT, 0.25, gl.software);
+        int levels = shape.levels + (int)lround(log2((shape.n + 1.0) / (sizes[i] + 1.0)));
+        printf("     n = %d: %u vertices, %d levels, %llu triangles\n", sizes[i],
+               frame.control_points, levels, (unsigned long long)frame.triangles);
+        CHECK(frame.control_points > 0 && frame.control_points <= 43u * (unsigned)levels);
+        CHECK(frame.triangles > 1000);
+        CHECK_INT(count_cracks(&view, depth, 200.0), 0);
+        close_scene(&scene);
+    }
+}
+
+static void views_of_any_direction_and_height_are_drawn(void)
+{
+    struct scene_under_test scene = {0};
+    if (!open_scene(hilly_ground, 0, &scene))
+        return;
+    static float depth[WIDTH * HEIGHT];
+    /* Straight down: ground everywhere. Straight up: none. Below the ground, and very high: drawn
+     * without harm. */
+    struct view down = view_at(46.5, 8.0, 1500.0, 0.0, -90.0, 0.0);
+    draw(&scene, &down, depth, NULL, NULL);
+    int sky = 0;
+    for (int i = 0; i < WIDTH * HEIGHT; i++)
+        sky += depth[i] <= 0.0f;
+    CHECK_INT(sky, 0);
+    struct view up = view_at(46.5, 8.0, 1500.0, 0.0, 90.0, 0.0);
+    draw(&scene, &up, depth, NULL, NULL);
+    sky = 0;
+    for (int i = 0; i < WIDTH * HEIGHT; i++)
+        sky += depth[i] <= 0.0f;
+    CHECK_INT(sky, WIDTH * HEIGHT);
+    struct view below = view_at(46.5, 8.0, -200.0, 0.0, 0.0, 0.0);
+    draw(&scene, &below, depth, NULL, NULL);
+    struct view high = view_at(46.5, 8.0, 400e3, 0.0, -60.0, 0.0);
+    draw(&scene, &high, depth, NULL, NULL);
+    CHECK_INT(count_cracks(&high, depth, 200.0), 0);
+    close_scene(&scene);
+}
+
+int main(void)
+{
+    static const struct check_test tests[] = {
+        {"rough ground has no cracks", rough_ground_has_no_cracks},
+        {"a flight has no cracks at any step", a_flight_has_no_cracks_at_any_step},
+        {"flat ground lies where it should", flat_ground_lies_where_it_should},
+        {"hills lie where they should", hills_lie_where_they_should},
+        {"the same pose gives the same pixels", the_same_pose_gives_the_same_pixels},
+        {"the antimeridian is not seen", the_antimeridian_is_not_seen},
+        {"the CPU sends at most 43 vertices a level", the_cpu_sends_at_most_43_vertices_a_level},
+        {"views of any direction and height are drawn",
+         views_of_any_direction_and_height_are_drawn},
+    };
+    struct gl_context *context;
+    struct diag diag = {0};
+    int r = gl_context_create_headless(&context, &diag);
+    if (r == -ENODEV) {
+        printf("skipped: %s\n", diag.text);
+        return 77;
+    }
+    if (r < 0 || gl_facts_gather(&gl, &diag) < 0) {
+        fprintf(stderr, "%s\n", diag.text);
+        return 1;
+    }
+    printf("%s\n", gl.renderer);
+    r = CHECK_MAIN(tests);
+    gl_context_destroy(context);
+    return r;
+}
