@@ -49,7 +49,7 @@ vec3 land_colour(float altitude_km, float steepness, vec4 wide, vec4 near)
     float moisture = smoothstep(0.38, 0.62, wide.w * 0.7 + near.w * 0.3);
 
     vec3 meadow = mix(vec3(0.155, 0.135, 0.060), vec3(0.070, 0.105, 0.028), moisture);
-    vec3 forest = vec3(0.018, 0.036, 0.014) * (0.7 + 0.6 * near.z);
+    vec3 forest = vec3(0.020, 0.036, 0.014) * (0.2 + 1.7 * near.z);
     vec3 alpine = mix(vec3(0.155, 0.135, 0.085), vec3(0.105, 0.110, 0.055), moisture);
     vec3 rock = mix(vec3(0.115, 0.105, 0.098), vec3(0.215, 0.200, 0.185), patches);
     vec3 snow = vec3(0.80, 0.84, 0.90);
