@@ -12,6 +12,7 @@
 #include "render/scene.h"
 
 #define BUFFERED_SCENES 4
+#define SHADE_GROUP     8 /* pixels a side of a work group of shade.comp */
 
 /* Where a frame's time is marked: pass p lies between marks p and p + 1. */
 enum pass { PASS_UPLOAD, PASS_TERRAIN, PASS_SHADE, PASSES, PASS_MARKS = PASSES + 1 };
@@ -21,9 +22,9 @@ struct renderer {
     struct clipmap_shape shape;
     struct loader *loader;
     struct clipmap_pass *clipmap;
-    GLuint shade_program, empty_array;
+    GLuint shade_program;
     GLuint geometry_framebuffer, depth; /* what the terrain pass draws */
-    GLuint framebuffer, colour;         /* what the shading pass draws */
+    GLuint framebuffer, colour;         /* what the shading pass writes */
     GLuint scene_buffer;
     char *scenes;            /* BUFFERED_SCENES blocks, persistently mapped */
     size_t scene_stride;
@@ -136,10 +137,10 @@ int renderer_create(const struct renderer_params *params, const struct gl_facts 
         return r;
     }
     create_scene_buffer(renderer);
-    glCreateVertexArrays(1, &renderer->empty_array);
     glCreateQueries(GL_TIMESTAMP, PASS_MARKS, renderer->time_queries);
     glCreateQueries(GL_PRIMITIVES_GENERATED, 1, &renderer->triangle_query);
     glClipControl(GL_LOWER_LEFT, GL_ZERO_TO_ONE);
+    glEnable(GL_DEPTH_TEST);
     glDepthFunc(GL_GEQUAL);
     glClearDepth(0.0);
     *ret_renderer = renderer;
@@ -153,7 +154,6 @@ void renderer_destroy(struct renderer *renderer)
     loader_stop(renderer->loader);
     clipmap_pass_destroy(renderer->clipmap);
     glDeleteProgram(renderer->shade_program);
-    glDeleteVertexArrays(1, &renderer->empty_array);
     glDeleteFramebuffers(1, &renderer->framebuffer);
     glDeleteFramebuffers(1, &renderer->geometry_framebuffer);
     glDeleteTextures(1, &renderer->colour);
@@ -256,19 +256,17 @@ void renderer_draw(struct renderer *renderer, struct view *view)
     glBeginQuery(GL_PRIMITIVES_GENERATED, renderer->triangle_query);
     glBindFramebuffer(GL_FRAMEBUFFER, renderer->geometry_framebuffer);
     glViewport(0, 0, renderer->width, renderer->height);
-    glDepthMask(GL_TRUE);
-    glEnable(GL_DEPTH_TEST);
     glClear(GL_DEPTH_BUFFER_BIT);
     if (clipmap_pass_layout(renderer->clipmap))
         draw_terrain(renderer, view, scene);
     glEndQuery(GL_PRIMITIVES_GENERATED);
     begin_pass(renderer, PASS_SHADE, "shade");
-    glBindFramebuffer(GL_FRAMEBUFFER, renderer->framebuffer);
-    glDisable(GL_DEPTH_TEST);
     glBindTextureUnit(3, renderer->depth);
     glUseProgram(renderer->shade_program);
-    glBindVertexArray(renderer->empty_array);
-    glDrawArrays(GL_TRIANGLES, 0, 3);
+    glBindImageTexture(0, renderer->colour, 0, GL_FALSE, 0, GL_WRITE_ONLY, GL_RGBA8);
+    glDispatchCompute((GLuint)(renderer->width + SHADE_GROUP - 1) / SHADE_GROUP,
+                      (GLuint)(renderer->height + SHADE_GROUP - 1) / SHADE_GROUP, 1);
+    glMemoryBarrier(GL_FRAMEBUFFER_BARRIER_BIT | GL_PIXEL_BUFFER_BARRIER_BIT);
     begin_pass(renderer, PASSES, NULL);
     glFlush();
 }
