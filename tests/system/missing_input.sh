@@ -27,4 +27,5 @@ YAML
 status=$?
 [ "$status" -eq 66 ] || fail "a missing geoid: status $status, not 66"
 [ "$(grep -c 'absent.pgm' geoid.log)" -eq 1 ] || fail "a missing geoid: not one sentence"
+grep -q 'fault=108' geoid.log || fail "a missing geoid: no fault code"
 finish
