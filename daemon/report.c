@@ -137,12 +137,13 @@ static int write_csv(const struct report *report, const char *path, struct diag 
     FILE *file = fopen(path, "w");
     if (!file)
         return diag_set(diag, -errno, "%s: %s", path, strerror(errno));
-    fputs("frame,time_s,frame_ms,gpu_ms,cpu_ms,latency_ms,pose_age_ms,triangles,control_points,"
-          "upload_bytes,complete,missed_deadline\n", file);
+    fputs("frame,time_s,frame_ms,gpu_ms,upload_ms,terrain_ms,shade_ms,cpu_ms,latency_ms,"
+          "pose_age_ms,triangles,control_points,upload_bytes,complete,missed_deadline\n", file);
     for (size_t i = 0; i < report->count; i++) {
         const struct report_frame *f = &report->frames[i];
-        fprintf(file, "%zu,%.6f,%.3f,%.3f,%.3f,", i, f->time_s, (double)f->frame_ms,
-                (double)f->gpu_ms, (double)f->cpu_ms);
+        fprintf(file, "%zu,%.6f,%.3f,%.3f,%.3f,%.3f,%.3f,%.3f,", i, f->time_s,
+                (double)f->frame_ms, (double)f->gpu_ms, (double)f->upload_ms,
+                (double)f->terrain_ms, (double)f->shade_ms, (double)f->cpu_ms);
         if (!isnan(f->latency_ms))
             fprintf(file, "%.3f", (double)f->latency_ms);
         fputc(',', file);

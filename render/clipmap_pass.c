@@ -35,6 +35,8 @@ struct clipmap_pass {
     int instances;
     GLuint program, vertex_array, vertex_buffer, heights, surfaces, ground;
     struct block_vertex *mapped; /* BUFFERED_FRAMES parts, persistently mapped */
+    GLuint arenas[LOADER_UPDATES];    /* pixel buffers that the loader writes into */
+    void *arena_memory[LOADER_UPDATES];
     unsigned part;
 
     bool has_layout;
@@ -64,6 +66,22 @@ static GLuint create_array(const struct clipmap_shape *shape, GLint side, GLenum
     glTextureParameteri(texture, GL_TEXTURE_WRAP_T, GL_REPEAT);
     glClearTexImage(texture, 0, format == GL_RG32F ? GL_RG : GL_RGBA, GL_FLOAT, NULL);
     return texture;
+}
+
+/* Client storage: the CPU writes, the GPU only copies from there. */
+static int create_arenas(struct clipmap_pass *pass, struct diag *diag)
+{
+    const GLbitfield flags = GL_MAP_WRITE_BIT | GL_MAP_PERSISTENT_BIT | GL_MAP_COHERENT_BIT;
+    GLsizeiptr size = (GLsizeiptr)loader_arena_bytes(&pass->shape);
+    glCreateBuffers(LOADER_UPDATES, pass->arenas);
+    for (int i = 0; i < LOADER_UPDATES; i++) {
+        glNamedBufferStorage(pass->arenas[i], size, NULL, flags | GL_CLIENT_STORAGE_BIT);
+        pass->arena_memory[i] = glMapNamedBufferRange(pass->arenas[i], 0, size, flags);
+        if (!pass->arena_memory[i])
+            return diag_set(diag, -ENOMEM, "no memory for terrain updates of %zu MiB",
+                            (size_t)size >> 20);
+    }
+    return 0;
 }
 
 static void create_block_buffer(struct clipmap_pass *pass)
@@ -108,6 +126,11 @@ int clipmap_pass_create(const struct clipmap_shape *shape, const struct gl_facts
         clipmap_pass_destroy(pass);
         return r;
     }
+    r = create_arenas(pass, diag);
+    if (r < 0) {
+        clipmap_pass_destroy(pass);
+        return r;
+    }
     pass->heights = create_array(shape, clipmap_storage(shape), GL_RG32F, GL_NEAREST);
     pass->surfaces = create_array(shape, 2 * clipmap_storage(shape), GL_RGBA16F, GL_LINEAR);
     pass->ground = ground_texture_create();
@@ -123,6 +146,7 @@ void clipmap_pass_destroy(struct clipmap_pass *pass)
     const GLuint textures[] = {pass->heights, pass->surfaces, pass->ground};
     glDeleteTextures(3, textures);
     glDeleteBuffers(1, &pass->vertex_buffer);
+    glDeleteBuffers(LOADER_UPDATES, pass->arenas);
     glDeleteVertexArrays(1, &pass->vertex_array);
     glDeleteProgram(pass->program);
     free(pass->bounds);
@@ -135,7 +159,7 @@ struct upload {
     GLint side, level;
     struct clipmap_rect rect;
     GLenum format, type;
-    const char *pixels;
+    size_t offset; /* in the bound pixel buffer */
     size_t pixel_bytes;
 };
 
@@ -154,13 +178,12 @@ static void upload_rect(const struct upload *upload)
             size_t at = (size_t)r * (size_t)rect.cols + (size_t)c;
             glTextureSubImage3D(upload->texture, 0, x, y, upload->level, cols, rows, 1,
                                 upload->format, upload->type,
-                                upload->pixels + at * upload->pixel_bytes);
+                                (const void *)(upload->offset + at * upload->pixel_bytes));
         }
     }
 }
 
-static void upload_strip(struct clipmap_pass *pass, const struct loader_update *update,
-                         const struct loader_strip *strip)
+static void upload_strip(struct clipmap_pass *pass, const struct loader_strip *strip)
 {
     int side = clipmap_storage(&pass->shape);
     upload_rect(&(struct upload){
@@ -170,7 +193,7 @@ static void upload_strip(struct clipmap_pass *pass, const struct loader_update *
         .rect = strip->posts,
         .format = GL_RG,
         .type = GL_FLOAT,
-        .pixels = (const char *)(update->heights + strip->height_offset),
+        .offset = strip->height_offset * sizeof(struct loader_height),
         .pixel_bytes = sizeof(struct loader_height),
     });
     upload_rect(&(struct upload){
@@ -180,15 +203,18 @@ static void upload_strip(struct clipmap_pass *pass, const struct loader_update *
         .rect = strip->half_posts,
         .format = GL_RGBA,
         .type = GL_HALF_FLOAT,
-        .pixels = (const char *)(update->surfaces + strip->surface_offset),
+        .offset = loader_surfaces_offset(&pass->shape) +
+                  strip->surface_offset * sizeof(struct loader_surface),
         .pixel_bytes = sizeof(struct loader_surface),
     });
 }
 
 void clipmap_pass_apply(struct clipmap_pass *pass, const struct loader_update *update)
 {
+    glBindBuffer(GL_PIXEL_UNPACK_BUFFER, pass->arenas[update->slot]);
     for (unsigned i = 0; i < update->strip_count; i++)
-        upload_strip(pass, update, &update->strips[i]);
+        upload_strip(pass, &update->strips[i]);
+    glBindBuffer(GL_PIXEL_UNPACK_BUFFER, 0);
     glPixelStorei(GL_UNPACK_ROW_LENGTH, 0);
     pass->uploaded += update->height_count * sizeof(struct loader_height) +
                       update->surface_count * sizeof(struct loader_surface);
@@ -199,6 +225,11 @@ void clipmap_pass_apply(struct clipmap_pass *pass, const struct loader_update *u
     pass->finest = update->finest;
     pass->has_layout = true;
     pass->blocks_stale = true;
+}
+
+void *const *clipmap_pass_arenas(const struct clipmap_pass *pass)
+{
+    return pass->arena_memory;
 }
 
 const struct clipmap_layout *clipmap_pass_layout(const struct clipmap_pass *pass)

@@ -22,7 +22,11 @@ int clipmap_pass_create(const struct clipmap_shape *shape, const struct gl_facts
                         struct clipmap_pass **ret_pass, struct diag *diag);
 void clipmap_pass_destroy(struct clipmap_pass *pass);
 
-/* Uploads an update's strips and moves the windows to its layout. */
+/* The memory, LOADER_UPDATES pieces, into which the loader is to write its updates. */
+void *const *clipmap_pass_arenas(const struct clipmap_pass *pass);
+
+/* Uploads an update's strips and moves the windows to its layout. The update may be given back once
+ * the frame is finished. */
 void clipmap_pass_apply(struct clipmap_pass *pass, const struct loader_update *update);
 
 /* The layout that is drawn; NULL before the first update. */

@@ -12,20 +12,26 @@
 #include "render/scene.h"
 
 #define BUFFERED_SCENES 4
+#define SHADE_GROUP     8 /* pixels a side of a work group of shade.comp */
+
+/* Where a frame's time is marked: pass p lies between marks p and p + 1. */
+enum pass { PASS_UPLOAD, PASS_TERRAIN, PASS_SHADE, PASSES, PASS_MARKS = PASSES + 1 };
 
 struct renderer {
     int width, height;
     struct clipmap_shape shape;
     struct loader *loader;
     struct clipmap_pass *clipmap;
-    GLuint shade_program, empty_array;
+    GLuint shade_program;
     GLuint geometry_framebuffer, depth; /* what the terrain pass draws */
-    GLuint framebuffer, colour;         /* what the shading pass draws */
+    GLuint framebuffer, colour;         /* what the shading pass writes */
     GLuint scene_buffer;
     char *scenes; /* BUFFERED_SCENES blocks, persistently mapped */
     size_t scene_stride;
     unsigned scene;
-    GLuint time_query, triangle_query;
+    GLuint time_queries[PASS_MARKS], triangle_query;
+    struct loader_update *held[LOADER_UPDATES]; /* being copied from by this frame */
+    unsigned held_count;
 
     /* From the last update applied. */
     double ground_m, undulation_m;
@@ -89,43 +95,54 @@ static void create_scene_buffer(struct renderer *renderer)
     renderer->scenes = glMapNamedBufferRange(renderer->scene_buffer, 0, size, flags);
 }
 
+static void destroy_sources(const struct renderer_params *params)
+{
+    terrain_source_destroy(params->source);
+    terrain_source_destroy(params->fallback);
+    geoid_close(params->geoid);
+}
+
+static int create_loader(struct renderer *renderer, const struct renderer_params *params,
+                         struct diag *diag)
+{
+    struct loader_params loader = {.shape = params->shape,
+                                   .source = params->source,
+                                   .fallback = params->fallback,
+                                   .geoid = params->geoid};
+    memcpy(loader.arenas, clipmap_pass_arenas(renderer->clipmap), sizeof(loader.arenas));
+    return loader_start(&loader, &renderer->loader, diag);
+}
+
 int renderer_create(const struct renderer_params *params, const struct gl_facts *facts,
                     struct renderer **ret_renderer, struct diag *diag)
 {
     struct renderer *renderer = calloc(1, sizeof(*renderer));
-    struct loader_params loader_params = {.shape = params->shape,
-                                          .source = params->source,
-                                          .fallback = params->fallback,
-                                          .geoid = params->geoid,
-                                          .thread = true};
-    struct loader *loader = NULL;
-    int r = loader_start(&loader_params, &loader, diag);
-    if (r == 0 && !renderer)
-        r = diag_set(diag, -ENOMEM, "no memory for the renderer");
-    if (r < 0) {
-        loader_stop(loader);
-        free(renderer);
-        return r;
+    if (!renderer) {
+        destroy_sources(params);
+        return diag_set(diag, -ENOMEM, "no memory for the renderer");
     }
     renderer->width = params->width;
     renderer->height = params->height;
     renderer->shape = params->shape;
-    renderer->loader = loader;
-    r = clipmap_pass_create(&params->shape, facts, &renderer->clipmap, diag);
+    int r = clipmap_pass_create(&params->shape, facts, &renderer->clipmap, diag);
     if (r == 0)
         r = program_create(&(struct program_params){.name = "shade"}, &renderer->shade_program,
                            diag);
     if (r == 0)
         r = create_framebuffers(renderer, diag);
+    if (r < 0)
+        destroy_sources(params);
+    else
+        r = create_loader(renderer, params, diag);
     if (r < 0) {
         renderer_destroy(renderer);
         return r;
     }
     create_scene_buffer(renderer);
-    glCreateVertexArrays(1, &renderer->empty_array);
-    glCreateQueries(GL_TIME_ELAPSED, 1, &renderer->time_query);
+    glCreateQueries(GL_TIMESTAMP, PASS_MARKS, renderer->time_queries);
     glCreateQueries(GL_PRIMITIVES_GENERATED, 1, &renderer->triangle_query);
     glClipControl(GL_LOWER_LEFT, GL_ZERO_TO_ONE);
+    glEnable(GL_DEPTH_TEST);
     glDepthFunc(GL_GEQUAL);
     glClearDepth(0.0);
     *ret_renderer = renderer;
@@ -139,13 +156,12 @@ void renderer_destroy(struct renderer *renderer)
     loader_stop(renderer->loader);
     clipmap_pass_destroy(renderer->clipmap);
     glDeleteProgram(renderer->shade_program);
-    glDeleteVertexArrays(1, &renderer->empty_array);
     glDeleteFramebuffers(1, &renderer->framebuffer);
     glDeleteFramebuffers(1, &renderer->geometry_framebuffer);
     glDeleteTextures(1, &renderer->colour);
     glDeleteTextures(1, &renderer->depth);
     glDeleteBuffers(1, &renderer->scene_buffer);
-    glDeleteQueries(1, &renderer->time_query);
+    glDeleteQueries(PASS_MARKS, renderer->time_queries);
     glDeleteQueries(1, &renderer->triangle_query);
     free(renderer);
 }
@@ -167,13 +183,13 @@ void renderer_wait(struct renderer *renderer)
 static void apply_updates(struct renderer *renderer)
 {
     struct loader_update *update;
-    while ((update = loader_take(renderer->loader))) {
+    while (renderer->held_count < LOADER_UPDATES && (update = loader_take(renderer->loader))) {
         clipmap_pass_apply(renderer->clipmap, update);
         renderer->ground_m = update->ground_m;
         renderer->undulation_m = update->undulation_m;
         renderer->eye_lat_deg = update->eye_lat_deg;
         renderer->eye_lon_deg = update->eye_lon_deg;
-        loader_give_back(renderer->loader, update);
+        renderer->held[renderer->held_count++] = update;
     }
 }
 
@@ -213,11 +229,20 @@ static void draw_terrain(struct renderer *renderer, const struct view *view,
     renderer->frame.upload_bytes = facts.upload_bytes;
 }
 
+/* Marks the time, ends the pass before and opens the next in the debugger's tree (NULL = none). */
+static void begin_pass(struct renderer *renderer, enum pass pass, const char *name)
+{
+    if (pass != PASS_UPLOAD)
+        glPopDebugGroup();
+    glQueryCounter(renderer->time_queries[pass], GL_TIMESTAMP);
+    if (name)
+        glPushDebugGroup(GL_DEBUG_SOURCE_APPLICATION, pass, -1, name);
+}
+
 void renderer_draw(struct renderer *renderer, struct view *view)
 {
     renderer->frame = (struct renderer_frame){0};
-    glBeginQuery(GL_TIME_ELAPSED, renderer->time_query);
-    glBeginQuery(GL_PRIMITIVES_GENERATED, renderer->triangle_query);
+    begin_pass(renderer, PASS_UPLOAD, "terrain upload");
     apply_updates(renderer);
     renderer->frame.complete = is_complete(renderer, &view->eye);
     renderer->frame.height_above_terrain_m = view->eye.height_m - renderer->ground_m;
@@ -229,32 +254,44 @@ void renderer_draw(struct renderer *renderer, struct view *view)
     scene_set_view(view, scene);
     glBindBufferRange(GL_UNIFORM_BUFFER, 0, renderer->scene_buffer, (GLintptr)offset,
                       sizeof(*scene));
+    begin_pass(renderer, PASS_TERRAIN, "terrain");
+    glBeginQuery(GL_PRIMITIVES_GENERATED, renderer->triangle_query);
     glBindFramebuffer(GL_FRAMEBUFFER, renderer->geometry_framebuffer);
     glViewport(0, 0, renderer->width, renderer->height);
-    glDepthMask(GL_TRUE);
-    glEnable(GL_DEPTH_TEST);
     glClear(GL_DEPTH_BUFFER_BIT);
     if (clipmap_pass_layout(renderer->clipmap))
         draw_terrain(renderer, view, scene);
     glEndQuery(GL_PRIMITIVES_GENERATED);
-    glBindFramebuffer(GL_FRAMEBUFFER, renderer->framebuffer);
-    glDisable(GL_DEPTH_TEST);
+    begin_pass(renderer, PASS_SHADE, "shade");
     glBindTextureUnit(3, renderer->depth);
     glUseProgram(renderer->shade_program);
-    glBindVertexArray(renderer->empty_array);
-    glDrawArrays(GL_TRIANGLES, 0, 3);
-    glEndQuery(GL_TIME_ELAPSED);
+    glBindImageTexture(0, renderer->colour, 0, GL_FALSE, 0, GL_WRITE_ONLY, GL_RGBA8);
+    glDispatchCompute((GLuint)(renderer->width + SHADE_GROUP - 1) / SHADE_GROUP,
+                      (GLuint)(renderer->height + SHADE_GROUP - 1) / SHADE_GROUP, 1);
+    glMemoryBarrier(GL_FRAMEBUFFER_BARRIER_BIT | GL_PIXEL_BUFFER_BARRIER_BIT);
+    begin_pass(renderer, PASSES, NULL);
     glFlush();
+}
+
+static double pass_ms(const GLuint64 *marks_ns, enum pass pass)
+{
+    return (double)(marks_ns[pass + 1] - marks_ns[pass]) * 1e-6;
 }
 
 /* The result of a query is there when the frame is: asking for it waits. (A fence would do as well,
  * but the driver allocates one for every frame.) */
 void renderer_finish(struct renderer *renderer, struct renderer_frame *ret_frame)
 {
-    GLuint64 elapsed_ns = 0, triangles = 0;
-    glGetQueryObjectui64v(renderer->time_query, GL_QUERY_RESULT, &elapsed_ns);
+    GLuint64 marks_ns[PASS_MARKS], triangles = 0;
+    for (int i = PASSES; i >= 0; i--)
+        glGetQueryObjectui64v(renderer->time_queries[i], GL_QUERY_RESULT, &marks_ns[i]);
     glGetQueryObjectui64v(renderer->triangle_query, GL_QUERY_RESULT, &triangles);
-    renderer->frame.gpu_ms = (double)elapsed_ns * 1e-6;
+    renderer->frame.gpu_ms = (double)(marks_ns[PASSES] - marks_ns[0]) * 1e-6;
+    renderer->frame.upload_ms = pass_ms(marks_ns, PASS_UPLOAD);
+    renderer->frame.terrain_ms = pass_ms(marks_ns, PASS_TERRAIN);
+    renderer->frame.shade_ms = pass_ms(marks_ns, PASS_SHADE);
+    while (renderer->held_count > 0)
+        loader_give_back(renderer->loader, renderer->held[--renderer->held_count]);
     renderer->frame.triangles = triangles;
     renderer->frame.failed =
         glGetGraphicsResetStatus() != GL_NO_ERROR || glGetError() == GL_OUT_OF_MEMORY;

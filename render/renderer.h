@@ -22,7 +22,8 @@ struct renderer_params {
 };
 
 struct renderer_frame {
-    double gpu_ms;           /* timer query around the frame's passes */
+    double gpu_ms;           /* timer queries: from the first pass to the end of the last */
+    double upload_ms, terrain_ms, shade_ms; /* the same by pass */
     uint64_t triangles;      /* generated, after culling */
     unsigned control_points; /* vertices sent by the CPU */
     uint64_t upload_bytes;

@@ -43,7 +43,6 @@ struct loader {
     _Atomic uint64_t asked, answered;
     _Atomic uint64_t tiles_loaded, read_errors, posts_sampled, updates_made;
     atomic_bool stopping;
-    bool has_thread;
     pthread_t thread;
 };
 
@@ -255,7 +254,25 @@ static void *loader_main(void *data)
     return NULL;
 }
 
-static int allocate(struct loader *loader)
+/* Two strips of a level, each grown by one a side, overlap by a few rows and columns. */
+static size_t surfaces_most(const struct clipmap_shape *shape)
+{
+    size_t half_posts = (size_t)level_half_posts(shape) * (size_t)level_half_posts(shape);
+    return (size_t)shape->levels * (half_posts + 16 * (size_t)shape->n);
+}
+
+size_t loader_surfaces_offset(const struct clipmap_shape *shape)
+{
+    size_t bytes = surfaces_most(shape) / 2 * sizeof(struct loader_height);
+    return (bytes + 255) / 256 * 256;
+}
+
+size_t loader_arena_bytes(const struct clipmap_shape *shape)
+{
+    return loader_surfaces_offset(shape) + surfaces_most(shape) * sizeof(struct loader_surface);
+}
+
+static int allocate(struct loader *loader, void *const arenas[LOADER_UPDATES])
 {
     struct clipmap_shape *shape = &loader->shape;
     size_t half_posts = (size_t)level_half_posts(shape) * (size_t)level_half_posts(shape);
@@ -274,14 +291,14 @@ static int allocate(struct loader *loader)
         ring_init(&loader->free, sizeof(struct loader_update *), LOADER_UPDATES) < 0 ||
         latest_init(&loader->wishes, sizeof(struct wish)) < 0)
         return -ENOMEM;
-    /* Two strips of a level, each grown by one a side, overlap by a few rows and columns. */
-    size_t surfaces = levels * (half_posts + 16 * (size_t)shape->n);
     for (int i = 0; i < LOADER_UPDATES; i++) {
         struct loader_update *update = &loader->updates[i];
-        update->heights = malloc(surfaces / 2 * sizeof(*update->heights));
-        update->surfaces = malloc(surfaces * sizeof(*update->surfaces));
+        char *arena = arenas[i];
+        update->slot = i;
+        update->heights = (struct loader_height *)(void *)arena;
+        update->surfaces = (struct loader_surface *)(void *)(arena + loader_surfaces_offset(shape));
         update->bounds = calloc(levels * squares, sizeof(*update->bounds));
-        if (!update->heights || !update->surfaces || !update->bounds)
+        if (!update->bounds)
             return -ENOMEM;
         ring_put(&loader->free, &update);
         sem_post(&loader->freed);
@@ -291,11 +308,8 @@ static int allocate(struct loader *loader)
 
 static void loader_free(struct loader *loader)
 {
-    for (int i = 0; i < LOADER_UPDATES; i++) {
-        free(loader->updates[i].heights);
-        free(loader->updates[i].surfaces);
+    for (int i = 0; i < LOADER_UPDATES; i++)
         free(loader->updates[i].bounds);
-    }
     for (int level = 0; level < CLIPMAP_MAX_LEVELS; level++)
         level_store_finish(&loader->stores[level]);
     free(loader->water);
@@ -330,21 +344,18 @@ int loader_start(const struct loader_params *params, struct loader **ret_loader,
     sem_init(&loader->wished, 0, 0);
     sem_init(&loader->freed, 0, 0);
     sem_init(&loader->answered_or_ready, 0, 0);
-    int r = allocate(loader);
+    int r = allocate(loader, params->arenas);
     if (r < 0) {
         loader_free(loader);
         return diag_set(diag, r, "no memory for %d clipmap levels of %d x %d posts",
                         params->shape.levels, params->shape.n, params->shape.n);
     }
-    if (params->thread) {
-        r = -pthread_create(&loader->thread, NULL, loader_main, loader);
-        if (r < 0) {
-            loader_free(loader);
-            return diag_set(diag, r, "cannot start the terrain loader: %s", strerror(-r));
-        }
-        loader->has_thread = true;
-        pthread_setname_np(loader->thread, "otwd-terrain");
+    r = -pthread_create(&loader->thread, NULL, loader_main, loader);
+    if (r < 0) {
+        loader_free(loader);
+        return diag_set(diag, r, "cannot start the terrain loader: %s", strerror(-r));
     }
+    pthread_setname_np(loader->thread, "otwd-terrain");
     *ret_loader = loader;
     return 0;
 }
@@ -354,11 +365,9 @@ void loader_stop(struct loader *loader)
     if (!loader)
         return;
     atomic_store(&loader->stopping, true);
-    if (loader->has_thread) {
-        sem_post(&loader->wished);
-        sem_post(&loader->freed);
-        pthread_join(loader->thread, NULL);
-    }
+    sem_post(&loader->wished);
+    sem_post(&loader->freed);
+    pthread_join(loader->thread, NULL);
     loader_free(loader);
 }
 
@@ -391,12 +400,6 @@ bool loader_pending(const struct loader *loader)
 
 void loader_wait(struct loader *loader)
 {
-    struct wish wish;
-    if (!loader->has_thread) {
-        if (latest_take(&loader->wishes, &wish))
-            answer(loader, &wish);
-        return;
-    }
     while (loader_pending(loader) && ring_count(&loader->ready) < LOADER_UPDATES)
         while (sem_wait(&loader->answered_or_ready) < 0 && errno == EINTR)
             ;

@@ -44,6 +44,7 @@ struct loader_bounds {
 };
 
 struct loader_update {
+    int slot;                  /* which arena */
     struct clipmap_layout layout;
     int finest;                /* the finest level that is filled */
     double eye_lat_deg, eye_lon_deg; /* the wish that it answers */
@@ -51,7 +52,7 @@ struct loader_update {
     float undulation_m;        /* of the geoid there */
     unsigned strip_count;
     struct loader_strip strips[LOADER_MAX_STRIPS];
-    struct loader_height *heights;   /* staging, owned by the loader */
+    struct loader_height *heights;   /* in the arena */
     struct loader_surface *surfaces;
     size_t height_count, surface_count; /* used */
     /* By row and column of the 8 x 8 cell squares of each level, from the window's origin. */
@@ -63,12 +64,18 @@ struct loader_params {
     struct terrain_source *source;   /* heights above the geoid; ownership passes */
     struct terrain_source *fallback; /* used where `source` has none; may be NULL; ownership passes */
     struct geoid *geoid;             /* NULL: undulation 0 everywhere; ownership passes */
-    bool thread;                     /* false: loader_wait does the work in the caller (tests) */
+    /* Memory of the renderer's, one piece an update, into which strips are written: heights at 0,
+     * surfaces at loader_surfaces_offset(), loader_arena_bytes() in all. It outlives the loader. */
+    void *arenas[LOADER_UPDATES];
 };
+
+/* The size of one arena and where the surfaces begin in it. */
+size_t loader_arena_bytes(const struct clipmap_shape *shape);
+size_t loader_surfaces_offset(const struct clipmap_shape *shape);
 
 struct loader;
 
-/* Starts the thread. On failure everything whose ownership passes is destroyed. */
+/* Starts the thread "otwd-terrain". On failure everything whose ownership passes is destroyed. */
 int loader_start(const struct loader_params *params, struct loader **ret_loader,
                  struct diag *diag);
 /* Legal on NULL. */

@@ -241,6 +241,9 @@ static void flat_ground_lies_where_it_should(void)
         return;
     static float depth[WIDTH * HEIGHT];
     static double pixels[WIDTH * HEIGHT * 3];
+    /* A GPU snaps vertices to 1/256 pixel and lays depth through the snapped ones: on level ground
+     * that is a height error of up to 1/512 pixel seen from the eye. */
+    double snapping = gl.software ? 0.0 : (0.65 / HEIGHT) / 450.0;
     double worst_near_m = 0.0;
     int wrong = 0, counted = 0;
     for (size_t p = 0; p < PLACES; p++) {
@@ -258,7 +261,7 @@ static void flat_ground_lies_where_it_should(void)
             /* A chord of a cell a 50th of the distance long sags by d^2 / 20000 R. */
             double sag_m = distance_m * distance_m / 20000.0 / 6.37e6 * 4.0;
             counted++;
-            wrong += (error_m - sag_m) / distance_m > 1e-6;
+            wrong += (error_m - sag_m) / distance_m > 1e-6 + snapping;
             if (distance_m < 1000.0)
                 worst_near_m = fmax(worst_near_m, error_m);
         }
@@ -267,7 +270,7 @@ static void flat_ground_lies_where_it_should(void)
            wrong, counted, worst_near_m);
     /* A software rasteriser extrapolates depth across a sliver seen edge-on now and then. */
     CHECK(gl.software ? wrong <= counted / 50000 : wrong == 0);
-    CHECK(worst_near_m < 0.003);
+    CHECK(worst_near_m < 0.003 + 1000.0 * snapping);
     close_scene(&scene);
 }
 

@@ -1,13 +1,13 @@
 // Shades every pixel once, from the depth that the terrain pass drew: sky where there is none, else
 // land and water from slopes, altitude and noise fixed to the ground. The cost of a frame's shading
 // is thus the same whatever the geometry.
-in vec3 ray_eye;
+layout(local_size_x = 8, local_size_y = 8) in;
 
 layout(binding = 1) uniform sampler2DArray surfaces; // slope east, slope north, water, altitude km
 layout(binding = 2) uniform sampler2D ground;        // tiling: slope x, slope y, two noises
 layout(binding = 3) uniform sampler2D depths;        // near / distance along the view axis
 
-layout(location = 0) out vec4 colour;
+layout(binding = 0, rgba8) writeonly uniform image2D picture;
 
 // Slopes, water and altitude at a place on the finest grid, from the level that covers it, blended
 // into the next as the geometry is. The storage is toroidal, so a post's texel follows from its
@@ -49,7 +49,7 @@ vec3 land_colour(float altitude_km, float steepness, vec4 wide, vec4 near)
     float moisture = smoothstep(0.38, 0.62, wide.w * 0.7 + near.w * 0.3);
 
     vec3 meadow = mix(vec3(0.155, 0.135, 0.060), vec3(0.070, 0.105, 0.028), moisture);
-    vec3 forest = vec3(0.018, 0.036, 0.014) * (0.7 + 0.6 * near.z);
+    vec3 forest = vec3(0.020, 0.036, 0.014) * (0.2 + 1.7 * near.z);
     vec3 alpine = mix(vec3(0.155, 0.135, 0.085), vec3(0.105, 0.110, 0.055), moisture);
     vec3 rock = mix(vec3(0.115, 0.105, 0.098), vec3(0.215, 0.200, 0.185), patches);
     vec3 snow = vec3(0.80, 0.84, 0.90);
@@ -123,8 +123,12 @@ vec3 ground_radiance(vec3 enu, vec3 view, float distance_m)
 
 void main()
 {
-    float depth = texelFetch(depths, ivec2(gl_FragCoord.xy), 0).r;
-    vec3 ray = mat3(scene.enu_from_eye) * ray_eye;
+    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy), size = imageSize(picture);
+    if (pixel.x >= size.x || pixel.y >= size.y)
+        return;
+    float depth = texelFetch(depths, pixel, 0).r;
+    vec2 tangent = mix(scene.view_rays[0].xy, scene.view_rays[0].zw, (vec2(pixel) + 0.5) / vec2(size));
+    vec3 ray = mat3(scene.enu_from_eye) * vec3(tangent, -1.0);
     float ray_length = length(ray);
     vec3 view = ray / ray_length;
     vec3 radiance;
@@ -140,5 +144,5 @@ void main()
         float clear = transmittance(distance_m, rise_m);
         radiance = mix(sky_colour(vec3(view.xy, 0.0)), ground_radiance(enu, view, distance_m), clear);
     }
-    colour = vec4(displayed(radiance), 1.0);
+    imageStore(picture, pixel, vec4(displayed(radiance), 1.0));
 }
