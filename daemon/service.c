@@ -79,7 +79,7 @@ static int on_tick(sd_event_source *event, uint64_t usec, void *data)
 {
     struct service *service = data;
     nsec_t now_ns = clock_monotonic_ns();
-    modbus_tick(service, now_ns);
+    service_modbus_tick(service, now_ns);
     sources_tick(service, now_ns);
     health_tick(service, now_ns);
     if (service->window && window_poll(service->window))
@@ -280,7 +280,7 @@ void service_destroy(struct service *service)
     sources_close(service);
     if (render_thread_stop(service->render, &diag) < 0)
         log_error("a snapshot was not written: %s", diag.text);
-    modbus_close(service);
+    service_modbus_close(service);
     recorder_close(service->recorder);
     window_guarded = false;
     window_destroy(service->window);
