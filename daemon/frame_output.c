@@ -54,8 +54,7 @@ static bool in_report(const struct frame_output *output, uint64_t frame)
 static int write_png(struct frame_output *output, const struct job *job, const char *directory)
 {
     char path[4096];
-    snprintf(path, sizeof(path), "%s/frame-%06llu.png", directory,
-             (unsigned long long)job->frame);
+    snprintf(path, sizeof(path), "%s/frame-%06llu.png", directory, (unsigned long long)job->frame);
     return image_write_png(path, output->params.width, output->params.height, job->rgba,
                            &output->diag);
 }

@@ -29,8 +29,8 @@ int frame_output_open(const struct frame_output_params *params, struct frame_out
 void frame_output_take(struct frame_output *output, struct renderer *renderer, uint64_t frame,
                        const struct view *view);
 
-/* For live use: starts copying this frame for a picture, and with `renderer` NULL only passes on what
- * has been copied; never waits. False where that is not possible now. GL thread. */
+/* For live use: starts copying this frame for a picture, and with `renderer` NULL only passes on
+ * what has been copied; never waits. False where that is not possible now. GL thread. */
 bool frame_output_offer(struct frame_output *output, struct renderer *renderer, uint64_t frame,
                         const struct view *view);
 

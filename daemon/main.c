@@ -29,7 +29,8 @@ static const struct command commands[] = {
 static void print_usage(FILE *out)
 {
     fputs("Usage: otwd COMMAND [ARGUMENT...]\n\n"
-          "The visual channel of a flight simulator.\n\n", out);
+          "The visual channel of a flight simulator.\n\n",
+          out);
     for (size_t i = 0; i < COMMANDS; i++)
         fprintf(out, "  %-14s %s\n", commands[i].name, commands[i].summary);
     fputs("\n`otwd COMMAND --help` says more. See otwd(1).\n", out);

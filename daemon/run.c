@@ -59,8 +59,7 @@ int run_main(int argc, char **argv)
     struct config config = {0};
     struct config_errors errors = {0};
     struct service *service = NULL;
-    struct diag diag = {0};
-    int status;
+    struct service_params params = {.config = &config};
     cli_parse(&parser, "run", argc, argv, &options);
     int r = config_load(options.config_path, &config, &errors);
     check_config_print(stderr, &errors);
@@ -69,13 +68,10 @@ int run_main(int argc, char **argv)
         return check_config_exit_status(r);
     log_init(&(struct log_params){.level = options.level, .channel = config.channel.name});
     log_info("otwd %s (%s)", OTWD_VERSION, OTWD_COMMIT);
-    r = service_create(
-        &(struct service_params){.config = &config, .config_path = options.config_path}, &service,
-        &status, &diag);
-    if (r < 0) {
-        log_error("%s", diag.text);
+    params.config_path = options.config_path;
+    int status = service_create(&params, &service);
+    if (status != EX_OK)
         return status;
-    }
     status = service_run(service);
     service_destroy(service);
     log_notice("stopped");

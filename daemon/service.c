@@ -79,7 +79,7 @@ static int on_tick(sd_event_source *event, uint64_t usec, void *data)
 {
     struct service *service = data;
     nsec_t now_ns = clock_monotonic_ns();
-    modbus_tick(service, now_ns);
+    service_modbus_tick(service, now_ns);
     sources_tick(service, now_ns);
     health_tick(service, now_ns);
     if (service->window && window_poll(service->window))
@@ -214,35 +214,38 @@ static int start_render(struct service *service, struct diag *diag)
     return r;
 }
 
-static int open_parts(struct service *service, int *ret_status, struct diag *diag)
+static int refuse(enum fault_code code, int status, const struct diag *diag)
 {
-    *ret_status = EX_OSERR;
-    int r = make_loop(service, diag);
-    if (r < 0)
-        return r;
-    *ret_status = EX_NOINPUT;
-    r = geoid_setup_open(service->config.terrain.geoid, &service->geoid, diag);
-    if (r < 0)
-        return r;
-    *ret_status = EX_UNAVAILABLE;
-    r = open_window(service, diag);
-    if (r < 0)
-        return r;
-    open_recorder(service);
-    r = start_render(service, diag);
-    if (r == 0)
-        sources_init(service);
-    return r;
+    log_fault(code, NULL, "%s", diag->text);
+    return status;
 }
 
-int service_create(const struct service_params *params, struct service **ret_service,
-                   int *ret_status, struct diag *diag)
+/* 0 or the status to exit with. */
+static int open_parts(struct service *service)
+{
+    struct diag diag = {0};
+    if (make_loop(service, &diag) < 0) {
+        log_error("%s", diag.text);
+        return EX_OSERR;
+    }
+    if (geoid_setup_open(service->config.terrain.geoid, &service->geoid, &diag) < 0)
+        return refuse(FAULT_GEOID_MISSING, EX_NOINPUT, &diag);
+    if (open_window(service, &diag) < 0)
+        return refuse(FAULT_WINDOW_LOST, EX_UNAVAILABLE, &diag);
+    open_recorder(service);
+    if (start_render(service, &diag) < 0)
+        return refuse(FAULT_RENDERER_FAILED, EX_UNAVAILABLE, &diag);
+    sources_init(service);
+    return EX_OK;
+}
+
+int service_create(const struct service_params *params, struct service **ret_service)
 {
     struct service *service = calloc(1, sizeof(*service));
     if (!service) {
         config_finish(params->config);
-        *ret_status = EX_OSERR;
-        return diag_set(diag, -ENOMEM, "no memory for the daemon");
+        log_error("no memory for the daemon");
+        return EX_OSERR;
     }
     service->config = *params->config;
     *params->config = (struct config){0};
@@ -251,13 +254,12 @@ int service_create(const struct service_params *params, struct service **ret_ser
     service->start_ns = clock_monotonic_ns();
     health_collect_init(&service->collect);
     notify_init(&service->notify, service->start_ns);
-    int r = open_parts(service, ret_status, diag);
-    if (r < 0) {
+    int status = open_parts(service);
+    if (status != EX_OK)
         service_destroy(service);
-        return r;
-    }
-    *ret_service = service;
-    return 0;
+    else
+        *ret_service = service;
+    return status;
 }
 
 int service_run(struct service *service)
@@ -278,7 +280,7 @@ void service_destroy(struct service *service)
     sources_close(service);
     if (render_thread_stop(service->render, &diag) < 0)
         log_error("a snapshot was not written: %s", diag.text);
-    modbus_close(service);
+    service_modbus_close(service);
     recorder_close(service->recorder);
     window_guarded = false;
     window_destroy(service->window);

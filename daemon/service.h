@@ -11,10 +11,10 @@ struct service_params {
 struct service;
 
 /* Opens what must be there: the geoid, a window where one is asked for, the render thread. A
- * source, a Modbus port or a recording that cannot be opened is a fault, logged and tried again. On
- * failure returns -errno with a sentence and an exit status of sysexits.h. */
-int service_create(const struct service_params *params, struct service **ret_service,
-                   int *ret_status, struct diag *diag);
+ * source, a Modbus port, a database or a recording that cannot be opened is a fault, logged; all
+ * but the database are tried again or done without. Returns 0, or after logging why an exit status
+ * of sysexits.h: 66 without a geoid, 69 without a display, 71 where the system refuses. */
+int service_create(const struct service_params *params, struct service **ret_service);
 
 /* Until SIGTERM or SIGINT (returns 0) or something without which there is no picture has failed
  * (logged; returns 69). */

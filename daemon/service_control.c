@@ -88,7 +88,7 @@ static int on_modbus(sd_event_source *event, int fd, uint32_t revents, void *dat
     if (r < 0) {
         log_fault(FAULT_MODBUS_FAILED, NULL, "Modbus at %s has failed: %s",
                   service->config.health.modbus.listen, strerror(-r));
-        modbus_close(service);
+        service_modbus_close(service);
         service->modbus_retry_ns = now_ns + MODBUS_RETRY_NS;
         fault_raise(&service->faults, FAULT_MODBUS_FAILED);
     }
@@ -112,13 +112,13 @@ static int open_modbus(struct service *service, struct diag *diag)
         return r;
     if (sd_event_add_io(service->loop, &service->modbus_event, modbus_server_fd(service->modbus),
                         EPOLLIN, on_modbus, service) < 0) {
-        modbus_close(service);
+        service_modbus_close(service);
         return diag_set(diag, -EIO, "the event loop does not take it");
     }
     return 0;
 }
 
-void modbus_tick(struct service *service, nsec_t now_ns)
+void service_modbus_tick(struct service *service, nsec_t now_ns)
 {
     struct diag diag = {0};
     char sentence[DIAG_TEXT_MAX + 64];
@@ -133,7 +133,7 @@ void modbus_tick(struct service *service, nsec_t now_ns)
         log_info("Modbus listens at %s", service->config.health.modbus.listen);
 }
 
-void modbus_close(struct service *service)
+void service_modbus_close(struct service *service)
 {
     service->modbus_event = sd_event_source_disable_unref(service->modbus_event);
     modbus_server_close(service->modbus);

@@ -5,8 +5,9 @@
 #include <unistd.h>
 
 #define BEHIND_NS (5 * NSEC_PER_SEC)
-#define HOLD_NS   (5 * NSEC_PER_SEC) /* how long a read error or a dropped record counts as a fault \
-                                      */
+#define HOLD_NS                                                                                    \
+    (5 * NSEC_PER_SEC) /* how long a read error or a dropped record counts as a fault              \
+                        */
 
 /* Resident memory of this process; 0 where the kernel does not say. */
 static unsigned resident_mib(void)

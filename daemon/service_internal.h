@@ -91,9 +91,9 @@ void health_tick(struct service *service, nsec_t now_ns);
 /* The whole map from now on, to Modbus. */
 void health_publish(struct service *service, nsec_t now_ns);
 
-/* service_control.c */
-void modbus_tick(struct service *service, nsec_t now_ns);
-void modbus_close(struct service *service);
+/* service_control.c; the prefix keeps clear of libmodbus's names, such as modbus_close() */
+void service_modbus_tick(struct service *service, nsec_t now_ns);
+void service_modbus_close(struct service *service);
 /* SIGHUP */
 void service_reload(struct service *service);
 

@@ -26,7 +26,7 @@ struct renderer {
     GLuint geometry_framebuffer, depth; /* what the terrain pass draws */
     GLuint framebuffer, colour;         /* what the shading pass writes */
     GLuint scene_buffer;
-    char *scenes;            /* BUFFERED_SCENES blocks, persistently mapped */
+    char *scenes; /* BUFFERED_SCENES blocks, persistently mapped */
     size_t scene_stride;
     unsigned scene;
     GLuint time_queries[PASS_MARKS], triangle_query;
@@ -44,7 +44,8 @@ struct clipmap_shape renderer_shape(const struct terrain_facts *facts, int heigh
                                     double pixel_error, bool software)
 {
     const double metres_per_degree = 111195.0, reach_m = 900e3;
-    struct clipmap_shape shape = {.n = software ? 127 : 255, .step_deg = facts->finest_lat_step_deg};
+    struct clipmap_shape shape = {.n = software ? 127 : 255,
+                                  .step_deg = facts->finest_lat_step_deg};
     double cells = height_px / fmax(pixel_error, 0.25);
     if (!software && cells > 1600)
         shape.n = 511;
@@ -125,7 +126,8 @@ int renderer_create(const struct renderer_params *params, const struct gl_facts 
     renderer->shape = params->shape;
     int r = clipmap_pass_create(&params->shape, facts, &renderer->clipmap, diag);
     if (r == 0)
-        r = program_create(&(struct program_params){.name = "shade"}, &renderer->shade_program, diag);
+        r = program_create(&(struct program_params){.name = "shade"}, &renderer->shade_program,
+                           diag);
     if (r == 0)
         r = create_framebuffers(renderer, diag);
     if (r < 0)
@@ -200,8 +202,8 @@ static bool is_complete(const struct renderer *renderer, const struct geodetic *
         return false;
     float fade;
     int wanted = clipmap_finest_level(shape, eye->height_m - renderer->ground_m, &fade);
-    double centre_deg = (drawn->windows[0].col0 + shape->n / 2.0) * shape->step_deg *
-                        drawn->lon_factor;
+    double centre_deg =
+        (drawn->windows[0].col0 + shape->n / 2.0) * shape->step_deg * drawn->lon_factor;
     struct clipmap_layout layout;
     clipmap_place(shape, eye->lat_deg, longitude_unwrapped_deg(eye->lon_deg, centre_deg),
                   clipmap_lon_factor(eye->lat_deg, drawn->lon_factor), &layout);
@@ -214,8 +216,8 @@ static void draw_terrain(struct renderer *renderer, const struct view *view,
                          struct scene_block *scene)
 {
     float fade;
-    int wanted = clipmap_finest_level(&renderer->shape, view->eye.height_m - renderer->ground_m,
-                                      &fade);
+    int wanted =
+        clipmap_finest_level(&renderer->shape, view->eye.height_m - renderer->ground_m, &fade);
     int filled = clipmap_pass_finest(renderer->clipmap);
     int finest = wanted > filled ? wanted : filled;
     scene_set_levels(view, &renderer->shape, clipmap_pass_layout(renderer->clipmap), finest,

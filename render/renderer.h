@@ -27,8 +27,8 @@ struct renderer_frame {
     uint64_t triangles;      /* generated, after culling */
     unsigned control_points; /* vertices sent by the CPU */
     uint64_t upload_bytes;
-    bool complete;           /* the terrain drawn is that of this eye, not of an earlier one */
-    bool failed; /* the GPU was reset or ran out of memory */
+    bool complete; /* the terrain drawn is that of this eye, not of an earlier one */
+    bool failed;   /* the GPU was reset or ran out of memory */
     double height_above_terrain_m;
     double undulation_m;
 };

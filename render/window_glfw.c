@@ -2,8 +2,8 @@
 
 #include <epoxy/gl.h>
 #define GLFW_INCLUDE_NONE
-#include <GLFW/glfw3.h>
 #include <errno.h>
+#include <GLFW/glfw3.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -58,7 +58,8 @@ int window_create(const struct window_params *params, struct window **ret_window
         glfwWindowHint(GLFW_STENCIL_BITS, 0);
         window->width = params->width;
         window->height = params->height;
-        window->glfw = glfwCreateWindow(params->width, params->height, params->title, monitor, NULL);
+        window->glfw =
+            glfwCreateWindow(params->width, params->height, params->title, monitor, NULL);
         if (!window->glfw)
             r = diag_set(diag, -ENODEV, "no window with OpenGL 4.5: %s", last_error);
     }

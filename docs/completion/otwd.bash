@@ -2,7 +2,7 @@
 
 _otwd_options() {
     case $1 in
-    run) echo "-c" ;;
+    run) echo "-c -v --quiet" ;;
     replay)
         echo "-c --terrain --size --rate --speed --technique --pixel-error --frames --every" \
             "--video --geo --report --protocol"

@@ -1,6 +1,7 @@
 # Shared by the system tests, which drive the real program. From the environment: OTWD (the program),
-# SYSTEM_TOOL (tests/system_tool.c). A test runs in a directory of its own, $scratch.
-# shellcheck shell=sh
+# SYSTEM_TOOL (tests/system_tool.c). A test runs in a directory of its own, $scratch, and sets $modbus,
+# the port of the daemon's Modbus server.
+# shellcheck shell=sh disable=SC2034,SC2154 # variables that pass between this file and the tests
 
 set -u
 scratch=$(mktemp -d)

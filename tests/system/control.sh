@@ -1,5 +1,6 @@
 #!/bin/sh
 # Controls over Modbus: freeze, visibility, the time, counters, snapshot; and none of it unless allowed.
+# shellcheck disable=SC2317 # functions that wait_for calls
 . "$(dirname "$0")/common.sh"
 need mbpoll
 
@@ -42,8 +43,10 @@ near lat_deg 46.51 1e-5 || fail "the frozen picture moves to $(field lat_deg)"
 put 0 0 0 || fail "thaw is refused"
 wait_for 5 near lat_deg 46.58 1e-5 || fail "the picture stays frozen: $(field lat_deg)"
 
-put 4 0 500 && wait_for 3 reads 4 0 500 || fail "visibility does not read back"
-put 4 1 720 && wait_for 3 reads 4 1 720 || fail "the minutes of the day do not read back"
+put 4 0 500 || fail "visibility is refused"
+wait_for 3 reads 4 0 500 || fail "visibility does not read back"
+put 4 1 720 || fail "the minutes of the day are refused"
+wait_for 3 reads 4 1 720 || fail "the minutes of the day do not read back"
 put 4 1 1440 && fail "minute 1440 of a day is taken"
 
 put 0 1 1 || fail "snapshot is refused"

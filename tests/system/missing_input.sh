@@ -1,6 +1,6 @@
 #!/bin/sh
 # A database that cannot be opened: the planet is drawn and the fault shown. A geoid that is missing:
-# one sentence, and no start.
+# one sentence, and no start. The same without OpenGL.
 . "$(dirname "$0")/common.sh"
 
 port=$(free_port)
@@ -27,4 +27,10 @@ YAML
 status=$?
 [ "$status" -eq 66 ] || fail "a missing geoid: status $status, not 66"
 [ "$(grep -c 'absent.pgm' geoid.log)" -eq 1 ] || fail "a missing geoid: not one sentence"
+grep -q 'fault=108' geoid.log || fail "a missing geoid: no fault code"
+# No OpenGL: the reason, and a status at which systemd tries again.
+__EGL_VENDOR_LIBRARY_FILENAMES=/dev/null "$OTWD" run -c otwd.yaml >gl.log 2>&1
+status=$?
+[ "$status" -eq 69 ] || fail "no OpenGL: status $status, not 69"
+grep -q 'OpenGL 4.5.*fault=303' gl.log || fail "no OpenGL: the log does not say so"
 finish

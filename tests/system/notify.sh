@@ -1,6 +1,7 @@
 #!/bin/sh
 # What systemd hears: READY after the first frame, the watchdog's food, STOPPING; SIGTERM ends with 0,
 # SIGHUP reads the configuration again.
+# shellcheck disable=SC2317 # functions that wait_for calls
 . "$(dirname "$0")/common.sh"
 
 modbus=$(free_port)

@@ -15,7 +15,8 @@ YAML
 
 # poll ARGUMENT...: the values, one a line.
 poll() {
-    mbpoll -m tcp -p "$modbus" -a 1 -0 -1 "$@" 127.0.0.1 | sed -n 's/^\[[0-9]*\]:[ \t]*\(-\{0,1\}[0-9]*\).*/\1/p'
+    mbpoll -m tcp -p "$modbus" -a 1 -0 -1 "$@" 127.0.0.1 |
+        sed -n 's/^\[[0-9]*\]:[ \t]*\(-\{0,1\}[0-9]*\).*/\1/p'
 }
 
 start_daemon otwd.yaml
