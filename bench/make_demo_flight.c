@@ -76,7 +76,8 @@ int main(void)
         alt_m[i] = smooth_at(high_m, i, 4 * RATE_HZ) + MARGIN_M;
     printf("# altitude: egm96\ntime_s,lat_deg,lon_deg,alt_m,roll_deg,pitch_deg,heading_deg\n");
     for (int i = 0; i < COUNT; i++) {
-        double climb = (alt_m[i + 1 < COUNT ? i + 1 : i] - alt_m[i > 0 ? i - 1 : i]) * RATE_HZ / 2.0;
+        double climb =
+            (alt_m[i + 1 < COUNT ? i + 1 : i] - alt_m[i > 0 ? i - 1 : i]) * RATE_HZ / 2.0;
         double heading = fmod(heading_deg[i] + 720.0, 360.0);
         printf("%.1f,%.7f,%.7f,%.2f,%.3f,%.3f,%.3f\n", (double)i / RATE_HZ, track[i].lat_deg,
                track[i].lon_deg, alt_m[i], roll_deg[i], atan(climb / SPEED_MPS) / DEGREE - 3.0,

@@ -16,7 +16,7 @@ struct channel_params {
     const char *technique;    /* "clipmap" */
     double pixel_error;
     double visibility_m;
-    struct window *window;    /* shows the frames too; NULL = headless */
+    struct window *window; /* shows the frames too; NULL = headless */
 };
 
 /* What a frame was and cost. */

@@ -10,24 +10,31 @@
 int cli_exit_status(int error)
 {
     switch (-error) {
-    case 0: return EX_OK;
-    case EINVAL: return EX_USAGE;
+    case 0:
+        return EX_OK;
+    case EINVAL:
+        return EX_USAGE;
     case ENOENT:
     case ENOTDIR:
     case EACCES:
-    case EISDIR: return EX_NOINPUT;
+    case EISDIR:
+        return EX_NOINPUT;
     case EBADMSG:
     case EPROTONOSUPPORT:
-    case ERANGE: return EX_DATAERR;
+    case ERANGE:
+        return EX_DATAERR;
     case ENODEV:
     case ENOTSUP:
     case EADDRINUSE:
     case EADDRNOTAVAIL:
     case ECONNREFUSED:
     case ETIMEDOUT:
-    case ENETDOWN: return EX_UNAVAILABLE;
-    case ENOMEM: return EX_OSERR;
-    default: return EX_IOERR;
+    case ENETDOWN:
+        return EX_UNAVAILABLE;
+    case ENOMEM:
+        return EX_OSERR;
+    default:
+        return EX_IOERR;
     }
 }
 

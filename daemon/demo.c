@@ -36,26 +36,36 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
 {
     struct demo_options *options = state->input;
     switch (key) {
-    case 'q': options->quiet = true; return 0;
-    case OPT_OUT: options->out = argument; return 0;
+    case 'q':
+        options->quiet = true;
+        return 0;
+    case OPT_OUT:
+        options->out = argument;
+        return 0;
     case OPT_SIZE:
         cli_size(state, argument, &options->params.channel.width, &options->params.channel.height);
         return 0;
     case OPT_RATE:
         options->params.rate_hz = cli_number(state, "rate", argument, 1.0, 1000.0);
         return 0;
-    case OPT_NO_VIDEO: options->video = false; return 0;
-    case ARGP_KEY_ARG: argp_error(state, "otwd demo takes no arguments"); return 0;
-    default: return ARGP_ERR_UNKNOWN;
+    case OPT_NO_VIDEO:
+        options->video = false;
+        return 0;
+    case ARGP_KEY_ARG:
+        argp_error(state, "otwd demo takes no arguments");
+        return 0;
+    default:
+        return ARGP_ERR_UNKNOWN;
     }
 }
 
 static const struct argp parser = {
     .options = known,
     .parser = parse_option,
-    .doc = "Fly the embedded flight headless over the embedded planet: pictures, a video, a report."
-           "\vExit status: 0 flown, 64 bad usage, 66 no geoid, 69 no OpenGL 4.5, 74 a file cannot be "
-           "written.",
+    .doc =
+        "Fly the embedded flight headless over the embedded planet: pictures, a video, a report."
+        "\vExit status: 0 flown, 64 bad usage, 66 no geoid, 69 no OpenGL 4.5, 74 a file cannot be "
+        "written.",
 };
 
 static bool have_ffmpeg(void)

@@ -37,7 +37,9 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
             argp_error(state, "--datum takes egm96 or ellipsoid, not \"%s\"", argument);
         options->ellipsoid = argument[1] == 'l';
         return 0;
-    case OPT_NORMAL: options->normal = true; return 0;
+    case OPT_NORMAL:
+        options->normal = true;
+        return 0;
     case ARGP_KEY_ARG:
         if (state->arg_num == 0)
             options->database = argument;
@@ -52,7 +54,8 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
         if (!options->database || (options->lat && !options->lon))
             argp_error(state, "DB, or DB LAT LON");
         return 0;
-    default: return ARGP_ERR_UNKNOWN;
+    default:
+        return ARGP_ERR_UNKNOWN;
     }
 }
 
@@ -60,10 +63,11 @@ static const struct argp parser = {
     .options = known,
     .parser = parse_option,
     .args_doc = "DB [LAT LON]",
-    .doc = "The height of the terrain, in metres. Without coordinates reads \"lat lon\" lines from "
-           "standard input and answers each with a line; \"nan\" where there is no data. Options come "
-           "before the coordinates."
-           "\vExit status: 0 answered, 64 bad usage, 65 a bad database or line, 66 no such file.",
+    .doc =
+        "The height of the terrain, in metres. Without coordinates reads \"lat lon\" lines from "
+        "standard input and answers each with a line; \"nan\" where there is no data. Options come "
+        "before the coordinates."
+        "\vExit status: 0 answered, 64 bad usage, 65 a bad database or line, 66 no such file.",
 };
 
 static int answer(struct terrain_source *source, struct geoid *geoid,
@@ -117,7 +121,8 @@ static int guard_numbers(int argc, char **argv, char **ret_argv)
     int count = 0;
     bool guarded = false;
     for (int i = 0; i < argc; i++) {
-        bool number = argv[i][0] == '-' && (isdigit((unsigned char)argv[i][1]) || argv[i][1] == '.');
+        bool number =
+            argv[i][0] == '-' && (isdigit((unsigned char)argv[i][1]) || argv[i][1] == '.');
         guarded = guarded || strcmp(argv[i], "--") == 0;
         if (number && !guarded) {
             ret_argv[count++] = (char *)"--";

@@ -22,7 +22,9 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
 {
     struct info_options *options = state->input;
     switch (key) {
-    case 'j': options->json = true; return 0;
+    case 'j':
+        options->json = true;
+        return 0;
     case ARGP_KEY_ARG:
         if (options->database)
             argp_error(state, "one DB at a time");
@@ -32,7 +34,8 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
         if (!options->database)
             argp_error(state, "DB is missing");
         return 0;
-    default: return ARGP_ERR_UNKNOWN;
+    default:
+        return ARGP_ERR_UNKNOWN;
     }
 }
 
@@ -73,10 +76,10 @@ static json_t *json_sources(const struct database_info *info)
     json_t *list = json_array();
     for (size_t i = 0; i < info->source_count; i++) {
         const struct database_source_info *s = &info->sources[i];
-        json_array_append_new(
-            list, json_pack("{s:s,s:s,s:i,s:b,s:i,s:i,s:I}", "name", s->name, "vertical",
-                            s->vertical, "priority", s->priority, "exact", s->exact, "width",
-                            s->width, "height", s->height, "bytes", (json_int_t)s->bytes));
+        json_array_append_new(list, json_pack("{s:s,s:s,s:i,s:b,s:i,s:i,s:I}", "name", s->name,
+                                              "vertical", s->vertical, "priority", s->priority,
+                                              "exact", s->exact, "width", s->width, "height",
+                                              s->height, "bytes", (json_int_t)s->bytes));
     }
     return list;
 }
@@ -85,14 +88,14 @@ static void print_json(const struct database_info *info)
 {
     json_t *levels = json_array();
     for (int level = 0; level < info->levels; level++)
-        json_array_append_new(levels, json_pack("{s:I,s:I}", "tiles",
-                                                (json_int_t)info->level[level].tiles, "bytes",
-                                                (json_int_t)info->level[level].bytes));
+        json_array_append_new(levels,
+                              json_pack("{s:I,s:I}", "tiles", (json_int_t)info->level[level].tiles,
+                                        "bytes", (json_int_t)info->level[level].bytes));
     json_t *root = json_pack(
         "{s:s,s:i,s:i,s:{s:f,s:f,s:f,s:f},s:f,s:f,s:f,s:f,s:f,s:I,s:I,s:f,s:o,s:o}", "path",
-        info->path, "format", info->version, "posts_per_degree", info->posts_per_degree, "extent_deg",
-        "south", info->south_deg, "west", info->west_deg, "north", info->north_deg, "east",
-        info->east_deg, "lat_step_deg", info->finest_lat_step_deg, "lon_step_deg",
+        info->path, "format", info->version, "posts_per_degree", info->posts_per_degree,
+        "extent_deg", "south", info->south_deg, "west", info->west_deg, "north", info->north_deg,
+        "east", info->east_deg, "lat_step_deg", info->finest_lat_step_deg, "lon_step_deg",
         info->finest_lon_step_deg, "min_m", info->min_m, "max_m", info->max_m, "max_error_m",
         info->max_error_m, "posts", (json_int_t)info->posts, "file_bytes",
         (json_int_t)info->file_bytes, "bytes_per_post", info->bytes_per_post, "levels", levels,

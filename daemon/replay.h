@@ -13,9 +13,9 @@ struct replay_params {
     const char *report_dir;            /* NULL = none */
     const char *flight_name;
     double rate_hz;
-    double speed;     /* flight seconds a second; 0 = as fast as it can, every frame complete */
-    nsec_t utc_ns;    /* at the flight's start; 0 = ten in the morning, local solar time */
-    bool progress;    /* on stderr */
+    double speed;  /* flight seconds a second; 0 = as fast as it can, every frame complete */
+    nsec_t utc_ns; /* at the flight's start; 0 = ten in the morning, local solar time */
+    bool progress; /* on stderr */
 };
 
 /* Flies the whole flight. The report is the caller's, to be finished also on failure. */

@@ -13,8 +13,23 @@
 #include "daemon/geoid_function.h"
 #include "daemon/replay.h"
 
-enum { OPT_TERRAIN = 256, OPT_SIZE, OPT_RATE, OPT_SPEED, OPT_TECHNIQUE, OPT_PIXEL_ERROR, OPT_FRAMES,
-       OPT_EVERY, OPT_VIDEO, OPT_GEO, OPT_REPORT, OPT_PROTOCOL, OPT_JSON, OPT_GEOID, OPT_UTC };
+enum {
+    OPT_TERRAIN = 256,
+    OPT_SIZE,
+    OPT_RATE,
+    OPT_SPEED,
+    OPT_TECHNIQUE,
+    OPT_PIXEL_ERROR,
+    OPT_FRAMES,
+    OPT_EVERY,
+    OPT_VIDEO,
+    OPT_GEO,
+    OPT_REPORT,
+    OPT_PROTOCOL,
+    OPT_JSON,
+    OPT_GEOID,
+    OPT_UTC
+};
 
 struct replay_options {
     struct replay_params params;
@@ -76,16 +91,29 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
     struct replay_options *options = state->input;
     struct replay_params *params = &options->params;
     switch (key) {
-    case 'c': return 0; /* taken before */
-    case 'q': options->quiet = true; return 0;
-    case OPT_TERRAIN: params->channel.terrain_path = argument; return 0;
-    case OPT_GEOID: params->channel.geoid = argument; return 0;
+    case 'c':
+        return 0; /* taken before */
+    case 'q':
+        options->quiet = true;
+        return 0;
+    case OPT_TERRAIN:
+        params->channel.terrain_path = argument;
+        return 0;
+    case OPT_GEOID:
+        params->channel.geoid = argument;
+        return 0;
     case OPT_SIZE:
         cli_size(state, argument, &params->channel.width, &params->channel.height);
         return 0;
-    case OPT_RATE: params->rate_hz = cli_number(state, "rate", argument, 0.1, 1000.0); return 0;
-    case OPT_SPEED: parse_speed(state, params, argument); return 0;
-    case OPT_TECHNIQUE: params->channel.technique = argument; return 0;
+    case OPT_RATE:
+        params->rate_hz = cli_number(state, "rate", argument, 0.1, 1000.0);
+        return 0;
+    case OPT_SPEED:
+        parse_speed(state, params, argument);
+        return 0;
+    case OPT_TECHNIQUE:
+        params->channel.technique = argument;
+        return 0;
     case OPT_PIXEL_ERROR:
         params->channel.pixel_error = cli_number(state, "pixel-error", argument, 0.1, 100.0);
         return 0;
@@ -93,19 +121,29 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
         if (clock_parse_utc(argument, &params->utc_ns) < 0)
             argp_error(state, "--time-utc takes YYYY-MM-DDThh:mm:ssZ, not \"%s\"", argument);
         return 0;
-    case OPT_FRAMES: params->output.frames_dir = argument; return 0;
+    case OPT_FRAMES:
+        params->output.frames_dir = argument;
+        return 0;
     case OPT_EVERY:
         params->output.every = (unsigned)cli_number(state, "every", argument, 1.0, 1e9);
         return 0;
-    case OPT_VIDEO: params->output.video_path = argument; return 0;
-    case OPT_GEO: params->output.geo_dir = argument; return 0;
-    case OPT_REPORT: params->report_dir = argument; return 0;
+    case OPT_VIDEO:
+        params->output.video_path = argument;
+        return 0;
+    case OPT_GEO:
+        params->output.geo_dir = argument;
+        return 0;
+    case OPT_REPORT:
+        params->report_dir = argument;
+        return 0;
     case OPT_PROTOCOL:
         options->force_protocol = true;
         if (pose_protocol_from_name(argument, &options->protocol) < 0)
             argp_error(state, "--protocol takes native or flightgear, not \"%s\"", argument);
         return 0;
-    case OPT_JSON: options->json = true; return 0;
+    case OPT_JSON:
+        options->json = true;
+        return 0;
     case ARGP_KEY_ARG:
         if (options->flight)
             argp_error(state, "one FLIGHT at a time");
@@ -115,7 +153,8 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
         if (!options->flight)
             argp_error(state, "FLIGHT is missing");
         return 0;
-    default: return ARGP_ERR_UNKNOWN;
+    default:
+        return ARGP_ERR_UNKNOWN;
     }
 }
 
@@ -123,9 +162,10 @@ static const struct argp parser = {
     .options = known,
     .parser = parse_option,
     .args_doc = "FLIGHT",
-    .doc = "Replay a recorded flight headless: a recording (.otwlog), CSV, pcap, candump log or IGC."
-           "\vExit status: 0 flown, 64 bad usage, 65 not a flight or a bad database, 66 a file is "
-           "missing, 69 no OpenGL 4.5, 74 a file cannot be written, 78 a bad configuration.",
+    .doc =
+        "Replay a recorded flight headless: a recording (.otwlog), CSV, pcap, candump log or IGC."
+        "\vExit status: 0 flown, 64 bad usage, 65 not a flight or a bad database, 66 a file is "
+        "missing, 69 no OpenGL 4.5, 74 a file cannot be written, 78 a bad configuration.",
 };
 
 /* Finds -c before argp runs, because options override the configuration. */

@@ -32,14 +32,38 @@ void report_add(struct report *report, const struct report_frame *frame)
 
 typedef double (*metric_fn)(const struct report_frame *frame);
 
-static double frame_ms(const struct report_frame *f) { return f->frame_ms; }
-static double gpu_ms(const struct report_frame *f) { return f->gpu_ms; }
-static double cpu_ms(const struct report_frame *f) { return f->cpu_ms; }
-static double latency_ms(const struct report_frame *f) { return f->latency_ms; }
-static double pose_age_ms(const struct report_frame *f) { return f->pose_age_ms; }
-static double triangles(const struct report_frame *f) { return f->triangles; }
-static double control_points(const struct report_frame *f) { return f->control_points; }
-static double upload_bytes(const struct report_frame *f) { return f->upload_bytes; }
+static double frame_ms(const struct report_frame *f)
+{
+    return f->frame_ms;
+}
+static double gpu_ms(const struct report_frame *f)
+{
+    return f->gpu_ms;
+}
+static double cpu_ms(const struct report_frame *f)
+{
+    return f->cpu_ms;
+}
+static double latency_ms(const struct report_frame *f)
+{
+    return f->latency_ms;
+}
+static double pose_age_ms(const struct report_frame *f)
+{
+    return f->pose_age_ms;
+}
+static double triangles(const struct report_frame *f)
+{
+    return f->triangles;
+}
+static double control_points(const struct report_frame *f)
+{
+    return f->control_points;
+}
+static double upload_bytes(const struct report_frame *f)
+{
+    return f->upload_bytes;
+}
 
 /* NaN samples (not measured in that frame) are left out. */
 static int distribution_of(const struct report *report, metric_fn metric,
@@ -98,12 +122,12 @@ json_t *report_json(const struct report *report, const struct report_facts *fact
         incomplete += !report->frames[i].complete;
         missed += report->frames[i].missed_deadline;
     }
-    json_t *root = json_pack(
-        "{s:i,s:{s:s,s:s},s:{s:s,s:s,s:s},s:[i,i],s:f,s:I,s:s}", "schema", 1, "program", "version",
-        OTWD_VERSION, "commit", OTWD_COMMIT, "gl", "vendor", facts->gl->vendor, "renderer",
-        facts->gl->renderer, "version", facts->gl->version, "size_px", facts->width, facts->height,
-        "rate_hz", facts->rate_hz, "frames", (json_int_t)report->count, "technique",
-        facts->technique);
+    json_t *root =
+        json_pack("{s:i,s:{s:s,s:s},s:{s:s,s:s,s:s},s:[i,i],s:f,s:I,s:s}", "schema", 1, "program",
+                  "version", OTWD_VERSION, "commit", OTWD_COMMIT, "gl", "vendor", facts->gl->vendor,
+                  "renderer", facts->gl->renderer, "version", facts->gl->version, "size_px",
+                  facts->width, facts->height, "rate_hz", facts->rate_hz, "frames",
+                  (json_int_t)report->count, "technique", facts->technique);
     if (!root)
         return NULL;
     json_object_set_new(root, "frame_ms", json_distribution(report, frame_ms));
@@ -117,13 +141,12 @@ json_t *report_json(const struct report *report, const struct report_facts *fact
     json_object_set_new(root, "memory_mib",
                         json_pack("{s:I,s:i}", "rss_peak", (json_int_t)resident_peak_mib(), "gpu",
                                   facts->gpu_memory_mib));
-    json_object_set_new(root, "pose",
-                        json_pack("{s:I,s:I,s:I,s:I,s:o}", "received",
-                                  (json_int_t)report->poses.received, "rejected",
-                                  (json_int_t)report->poses.rejected, "lost",
-                                  (json_int_t)report->poses.lost, "reordered",
-                                  (json_int_t)report->poses.reordered, "age_ms",
-                                  json_pair(report, pose_age_ms, "p99")));
+    json_object_set_new(
+        root, "pose",
+        json_pack("{s:I,s:I,s:I,s:I,s:o}", "received", (json_int_t)report->poses.received,
+                  "rejected", (json_int_t)report->poses.rejected, "lost",
+                  (json_int_t)report->poses.lost, "reordered", (json_int_t)report->poses.reordered,
+                  "age_ms", json_pair(report, pose_age_ms, "p99")));
     json_object_set_new(root, "terrain",
                         json_pack("{s:I,s:I,s:I}", "tiles_loaded",
                                   (json_int_t)facts->loader.tiles_loaded, "pending_max",
@@ -138,12 +161,13 @@ static int write_csv(const struct report *report, const char *path, struct diag 
     if (!file)
         return diag_set(diag, -errno, "%s: %s", path, strerror(errno));
     fputs("frame,time_s,frame_ms,gpu_ms,upload_ms,terrain_ms,shade_ms,cpu_ms,latency_ms,"
-          "pose_age_ms,triangles,control_points,upload_bytes,complete,missed_deadline\n", file);
+          "pose_age_ms,triangles,control_points,upload_bytes,complete,missed_deadline\n",
+          file);
     for (size_t i = 0; i < report->count; i++) {
         const struct report_frame *f = &report->frames[i];
-        fprintf(file, "%zu,%.6f,%.3f,%.3f,%.3f,%.3f,%.3f,%.3f,", i, f->time_s,
-                (double)f->frame_ms, (double)f->gpu_ms, (double)f->upload_ms,
-                (double)f->terrain_ms, (double)f->shade_ms, (double)f->cpu_ms);
+        fprintf(file, "%zu,%.6f,%.3f,%.3f,%.3f,%.3f,%.3f,%.3f,", i, f->time_s, (double)f->frame_ms,
+                (double)f->gpu_ms, (double)f->upload_ms, (double)f->terrain_ms, (double)f->shade_ms,
+                (double)f->cpu_ms);
         if (!isnan(f->latency_ms))
             fprintf(file, "%.3f", (double)f->latency_ms);
         fputc(',', file);

@@ -1,4 +1,5 @@
-/* What a run measured: collected frame by frame, written as report.json, frames.csv, report.html. */
+/* What a run measured: collected frame by frame, written as report.json, frames.csv, report.html.
+ */
 #pragma once
 
 #include <jansson.h>

@@ -25,11 +25,20 @@ static void write_text(FILE *file, const char *text)
 {
     for (; *text; text++) {
         switch (*text) {
-        case '<': fputs("&lt;", file); break;
-        case '>': fputs("&gt;", file); break;
-        case '&': fputs("&amp;", file); break;
-        case '"': fputs("&quot;", file); break;
-        default: fputc(*text, file);
+        case '<':
+            fputs("&lt;", file);
+            break;
+        case '>':
+            fputs("&gt;", file);
+            break;
+        case '&':
+            fputs("&amp;", file);
+            break;
+        case '"':
+            fputs("&quot;", file);
+            break;
+        default:
+            fputc(*text, file);
         }
     }
 }
@@ -109,8 +118,9 @@ static void write_histogram(FILE *file, const struct report *report)
     for (int i = 0; i < BINS; i++) {
         /* Logarithmic, so that a single late frame is still seen. */
         double height = bins[i] ? PLOT_HEIGHT * (0.04 + 0.96 * log1p(bins[i]) / log1p(most)) : 0.0;
-        fprintf(file, "<rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" fill=\"#0969da\">"
-                      "<title>%.2f to %.2f ms: %u frames</title></rect>\n",
+        fprintf(file,
+                "<rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" fill=\"#0969da\">"
+                "<title>%.2f to %.2f ms: %u frames</title></rect>\n",
                 (double)PLOT_WIDTH * i / BINS + 1, PLOT_HEIGHT - height,
                 (double)PLOT_WIDTH / BINS - 2, height, i * width, (i + 1) * width, bins[i]);
     }
@@ -153,7 +163,8 @@ int report_write_html(const struct report *report, const struct report_facts *fa
     fputs("<h1>otwd: a measured flight</h1>\n", file);
     write_facts(file, report, facts);
     fputs("<table><tr><th>ms</th><th>min</th><th>p50</th><th>p95</th><th>p99</th><th>p99.9</th>"
-          "<th>max</th></tr>\n", file);
+          "<th>max</th></tr>\n",
+          file);
     write_row(file, "frame (pose taken to frame finished)", report, REPORT_FRAME_MS);
     write_row(file, "GPU (timer query)", report, REPORT_GPU_MS);
     write_row(file, "CPU (render thread)", report, REPORT_CPU_MS);

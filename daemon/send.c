@@ -10,7 +10,16 @@
 #include "daemon/geoid_function.h"
 #include "io/sender.h"
 
-enum { OPT_TO = 256, OPT_PROTOCOL, OPT_RATE, OPT_SPEED, OPT_JITTER, OPT_LOSS, OPT_REORDER, OPT_SEED };
+enum {
+    OPT_TO = 256,
+    OPT_PROTOCOL,
+    OPT_RATE,
+    OPT_SPEED,
+    OPT_JITTER,
+    OPT_LOSS,
+    OPT_REORDER,
+    OPT_SEED
+};
 
 struct send_options {
     struct send_params params;
@@ -22,13 +31,16 @@ static atomic_bool stopping;
 
 static const struct argp_option known[] = {
     {"to", OPT_TO, "URL", 0, "udp://HOST:PORT, can:INTERFACE or sim:PATH", 0},
-    {"protocol", OPT_PROTOCOL, "NAME", 0, "native, flightgear or canaerospace (default: native, "
-                                          "over CAN canaerospace)", 0},
+    {"protocol", OPT_PROTOCOL, "NAME", 0,
+     "native, flightgear or canaerospace (default: native, "
+     "over CAN canaerospace)",
+     0},
     {"rate", OPT_RATE, "HZ", 0, "poses a second (default 60)", 0},
     {"speed", OPT_SPEED, "X", 0, "flight seconds a second (default 1)", 0},
     {"jitter-ms", OPT_JITTER, "MS", 0, "each packet leaves up to this much late", 0},
     {"loss", OPT_LOSS, "P", 0, "chance of a packet to be left out, 0 to 1", 0},
-    {"reorder", OPT_REORDER, "P", 0, "chance of a packet to change places with the next, 0 to 1", 0},
+    {"reorder", OPT_REORDER, "P", 0, "chance of a packet to change places with the next, 0 to 1",
+     0},
     {"seed", OPT_SEED, "N", 0, "of jitter, loss and reordering (default 1)", 0},
     {"quiet", 'q', NULL, 0, "print errors only", 0},
     {0},
@@ -39,21 +51,35 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
     struct send_options *options = state->input;
     struct send_params *params = &options->params;
     switch (key) {
-    case 'q': options->quiet = true; return 0;
-    case OPT_TO: options->url = argument; return 0;
+    case 'q':
+        options->quiet = true;
+        return 0;
+    case OPT_TO:
+        options->url = argument;
+        return 0;
     case OPT_PROTOCOL:
         if (pose_protocol_from_name(argument, &params->protocol) < 0)
             argp_error(state, "--protocol takes native, flightgear or canaerospace, not \"%s\"",
                        argument);
         return 0;
-    case OPT_RATE: params->rate_hz = cli_number(state, "rate", argument, 0.1, 10000.0); return 0;
-    case OPT_SPEED: params->speed = cli_number(state, "speed", argument, 0.01, 1000.0); return 0;
+    case OPT_RATE:
+        params->rate_hz = cli_number(state, "rate", argument, 0.1, 10000.0);
+        return 0;
+    case OPT_SPEED:
+        params->speed = cli_number(state, "speed", argument, 0.01, 1000.0);
+        return 0;
     case OPT_JITTER:
         params->jitter_ms = cli_number(state, "jitter-ms", argument, 0.0, 10000.0);
         return 0;
-    case OPT_LOSS: params->loss = cli_number(state, "loss", argument, 0.0, 1.0); return 0;
-    case OPT_REORDER: params->reorder = cli_number(state, "reorder", argument, 0.0, 1.0); return 0;
-    case OPT_SEED: params->seed = (uint64_t)cli_number(state, "seed", argument, 0.0, 1e15); return 0;
+    case OPT_LOSS:
+        params->loss = cli_number(state, "loss", argument, 0.0, 1.0);
+        return 0;
+    case OPT_REORDER:
+        params->reorder = cli_number(state, "reorder", argument, 0.0, 1.0);
+        return 0;
+    case OPT_SEED:
+        params->seed = (uint64_t)cli_number(state, "seed", argument, 0.0, 1e15);
+        return 0;
     case ARGP_KEY_ARG:
         if (options->flight)
             argp_error(state, "one FLIGHT at a time");
@@ -63,7 +89,8 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
         if (!options->flight || !options->url)
             argp_error(state, options->flight ? "--to URL is missing" : "FLIGHT is missing");
         return 0;
-    default: return ARGP_ERR_UNKNOWN;
+    default:
+        return ARGP_ERR_UNKNOWN;
     }
 }
 

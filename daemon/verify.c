@@ -25,8 +25,12 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
 {
     struct verify_options *options = state->input;
     switch (key) {
-    case 'j': options->json = true; return 0;
-    case 'q': options->quiet = true; return 0;
+    case 'j':
+        options->json = true;
+        return 0;
+    case 'q':
+        options->quiet = true;
+        return 0;
     case ARGP_KEY_ARG:
         if (options->database)
             argp_error(state, "one DB at a time");
@@ -36,7 +40,8 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
         if (!options->database)
             argp_error(state, "DB is missing");
         return 0;
-    default: return ARGP_ERR_UNKNOWN;
+    default:
+        return ARGP_ERR_UNKNOWN;
     }
 }
 
@@ -58,7 +63,8 @@ static bool tell(void *user, const struct database_fault *fault, uint64_t done, 
     else if (fault && !options->quiet)
         printf("%s\n", fault->text);
     else if (!fault && options->progress)
-        fprintf(stderr, "\r%llu of %llu tiles", (unsigned long long)done, (unsigned long long)total);
+        fprintf(stderr, "\r%llu of %llu tiles", (unsigned long long)done,
+                (unsigned long long)total);
     return false;
 }
 

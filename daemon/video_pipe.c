@@ -26,11 +26,12 @@ static int spawn_ffmpeg(const char *path, int width, int height, double rate_hz,
     snprintf(size, sizeof(size), "%dx%d", width, height);
     snprintf(rate, sizeof(rate), "%g", rate_hz);
     /* Behind the simulation in priority: encoding must not take the rasteriser's cores. */
-    const char *const argv[] = {"nice", "-n", "19", "ffmpeg", "-nostdin", "-loglevel", "error", "-y",
-                                "-f", "rawvideo", "-pix_fmt", "rgba", "-video_size", size,
-                                "-framerate", rate, "-i", "pipe:0", "-vf", "vflip", "-threads", "1",
-                                "-c:v", "libx264", "-preset", "ultrafast", "-crf", "21", "-pix_fmt",
-                                "yuv420p", "-movflags", "+faststart", path, NULL};
+    const char *const argv[] = {
+        "nice",       "-n",      "19",        "ffmpeg",     "-nostdin",  "-loglevel",   "error",
+        "-y",         "-f",      "rawvideo",  "-pix_fmt",   "rgba",      "-video_size", size,
+        "-framerate", rate,      "-i",        "pipe:0",     "-vf",       "vflip",       "-threads",
+        "1",          "-c:v",    "libx264",   "-preset",    "ultrafast", "-crf",        "21",
+        "-pix_fmt",   "yuv420p", "-movflags", "+faststart", path,        NULL};
     posix_spawn_file_actions_t actions;
     posix_spawn_file_actions_init(&actions);
     posix_spawn_file_actions_adddup2(&actions, input, STDIN_FILENO);

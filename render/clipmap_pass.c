@@ -34,14 +34,14 @@ struct clipmap_pass {
     bool software;
     int instances;
     GLuint program, vertex_array, vertex_buffer, heights, surfaces, ground;
-    struct block_vertex *mapped; /* BUFFERED_FRAMES parts, persistently mapped */
-    GLuint arenas[LOADER_UPDATES];    /* pixel buffers that the loader writes into */
+    struct block_vertex *mapped;   /* BUFFERED_FRAMES parts, persistently mapped */
+    GLuint arenas[LOADER_UPDATES]; /* pixel buffers that the loader writes into */
     void *arena_memory[LOADER_UPDATES];
     unsigned part;
 
     bool has_layout;
     struct clipmap_layout layout;
-    int finest;                  /* filled by the last update */
+    int finest;                   /* filled by the last update */
     struct loader_bounds *bounds; /* [levels][squares][squares] */
     uint64_t uploaded;
 
@@ -246,9 +246,11 @@ static struct loader_bounds block_bounds(const struct clipmap_pass *pass, int le
                                          const struct clipmap_block *block)
 {
     int squares = level_squares(&pass->shape);
-    const struct loader_bounds *of_level = pass->bounds + (size_t)level * (size_t)(squares * squares);
+    const struct loader_bounds *of_level =
+        pass->bounds + (size_t)level * (size_t)(squares * squares);
     struct loader_bounds bounds = {INFINITY, -INFINITY};
-    for (int j = block->row / LEVEL_SQUARE; j <= (block->row + block->rows - 1) / LEVEL_SQUARE; j++) {
+    for (int j = block->row / LEVEL_SQUARE; j <= (block->row + block->rows - 1) / LEVEL_SQUARE;
+         j++) {
         for (int i = block->col / LEVEL_SQUARE; i <= (block->col + block->cols - 1) / LEVEL_SQUARE;
              i++) {
             struct loader_bounds square = of_level[j * squares + i];
@@ -265,8 +267,8 @@ static struct loader_bounds block_bounds(const struct clipmap_pass *pass, int le
 static void list_block(struct clipmap_pass *pass, int level, const struct clipmap_block *block,
                        int *vertices_in_draw)
 {
-    int vertices = clipmap_block_vertices(block) + 4 * pass->instances * pass->instances *
-                                                       (block->cols + block->rows);
+    int vertices = clipmap_block_vertices(block) +
+                   4 * pass->instances * pass->instances * (block->cols + block->rows);
     if (pass->instances == 1)
         vertices = clipmap_block_vertices(block);
     if (pass->range_count == 0 ||

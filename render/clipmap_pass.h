@@ -14,8 +14,8 @@ struct clipmap_pass;
 struct clipmap_pass_facts {
     unsigned control_points; /* vertices sent by the CPU for the last draw */
     unsigned draws;
-    uint64_t triangles;      /* before culling: what the block list would give */
-    uint64_t upload_bytes;   /* heights and surfaces copied since the last draw */
+    uint64_t triangles;    /* before culling: what the block list would give */
+    uint64_t upload_bytes; /* heights and surfaces copied since the last draw */
 };
 
 int clipmap_pass_create(const struct clipmap_shape *shape, const struct gl_facts *facts,

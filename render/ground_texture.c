@@ -38,8 +38,8 @@ static float fractal(int x, int y, int first_cells, float persistence, uint32_t 
     int cells = first_cells;
     for (int octave = 0; octave < OCTAVES && cells <= SIDE; octave++) {
         float scale = (float)cells / SIDE;
-        sum += strength * lattice_noise((float)x * scale, (float)y * scale, cells,
-                                        seed + (uint32_t)octave);
+        sum += strength *
+               lattice_noise((float)x * scale, (float)y * scale, cells, seed + (uint32_t)octave);
         total += strength * strength;
         strength *= persistence;
         cells *= 2;

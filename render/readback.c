@@ -75,8 +75,8 @@ const void *readback_take(struct readback *readback, bool wait, uint64_t *ret_fr
     if (readback->used == 0)
         return NULL;
     struct slot *slot = &readback->slots[readback->first];
-    GLenum state = glClientWaitSync(slot->fence, GL_SYNC_FLUSH_COMMANDS_BIT,
-                                    wait ? UINT64_C(10000000000) : 0);
+    GLenum state =
+        glClientWaitSync(slot->fence, GL_SYNC_FLUSH_COMMANDS_BIT, wait ? UINT64_C(10000000000) : 0);
     if (state != GL_ALREADY_SIGNALED && state != GL_CONDITION_SATISFIED)
         return NULL;
     *ret_frame = slot->frame;

@@ -5,10 +5,10 @@
 #define DEGREE         (M_PI / 180.0)
 #define WGS84_A        6378137.0
 #define WGS84_E2       6.69437999014e-3
-#define CONTRAST_LN    3.912   /* ln(1 / 0.02): Koschmieder's constant */
-#define SCALE_HEIGHT_M 7000.0  /* over which the air's haze thins by e */
+#define CONTRAST_LN    3.912  /* ln(1 / 0.02): Koschmieder's constant */
+#define SCALE_HEIGHT_M 7000.0 /* over which the air's haze thins by e */
 #define TEXTURE_PERIOD (1 << 20)
-#define LAG_POSTS      3.0     /* how far a window may trail the eye before its blend stops following */
+#define LAG_POSTS      3.0 /* how far a window may trail the eye before its blend stops following */
 
 /* Reversed depth with the far plane at infinity: near -> 1, infinity -> 0. */
 static void set_projection(const struct view *view, struct scene_block *scene)
@@ -88,8 +88,8 @@ static double clamped(double value, double centre, double reach)
 }
 
 void scene_set_levels(const struct view *view, const struct clipmap_shape *shape,
-                      const struct clipmap_layout *layout, int finest, float fade,
-                      double pixel_rad, struct scene_block *ret_scene)
+                      const struct clipmap_layout *layout, int finest, float fade, double pixel_rad,
+                      struct scene_block *ret_scene)
 {
     struct scene_block *scene = ret_scene;
     double row_step = shape->step_deg, col_step = shape->step_deg * layout->lon_factor;
@@ -116,10 +116,12 @@ void scene_set_levels(const struct view *view, const struct clipmap_shape *shape
     scene->base[1] = (int32_t)base_row;
     scene->base[2] = mask;
     scene->base[3] = finest | (shape->levels - 1) << 8;
-    scene->blend[0] = (float)(ldexp(clamped(ldexp(col, -finest), first->col0 + half, LAG_POSTS), finest) -
-                              (double)base_col);
-    scene->blend[1] = (float)(ldexp(clamped(ldexp(row, -finest), first->row0 + half, LAG_POSTS), finest) -
-                              (double)base_row);
+    scene->blend[0] =
+        (float)(ldexp(clamped(ldexp(col, -finest), first->col0 + half, LAG_POSTS), finest) -
+                (double)base_col);
+    scene->blend[1] =
+        (float)(ldexp(clamped(ldexp(row, -finest), first->row0 + half, LAG_POSTS), finest) -
+                (double)base_row);
     scene->blend[2] = (float)(1.0 / reach);
     scene->blend[3] = (float)(reach / width);
     double bow = 1.0 + fabs(tan(view->eye.lat_deg * DEGREE));

@@ -42,5 +42,5 @@ void scene_set_view(const struct view *view, struct scene_block *ret_scene);
 /* Fills the levels and the grid's place: `finest` is the first level drawn, `fade` its least blend
  * into the next, `pixel_rad` the angle of a pixel at the centre of the view. */
 void scene_set_levels(const struct view *view, const struct clipmap_shape *shape,
-                      const struct clipmap_layout *layout, int finest, float fade,
-                      double pixel_rad, struct scene_block *ret_scene);
+                      const struct clipmap_layout *layout, int finest, float fade, double pixel_rad,
+                      struct scene_block *ret_scene);

@@ -9,14 +9,14 @@ struct view {
     /* Tangents of the frustum's half-angles from the view direction; off-axis allowed. */
     double tan_left, tan_right, tan_bottom, tan_top;
     double near_m;
-    double visibility_m;  /* meteorological: where contrast falls to 2 % (Koschmieder) */
-    double sun_enu[3];    /* unit vector to the sun at the eye */
-    double undulation_m;  /* of the geoid below the eye */
+    double visibility_m; /* meteorological: where contrast falls to 2 % (Koschmieder) */
+    double sun_enu[3];   /* unit vector to the sun at the eye */
+    double undulation_m; /* of the geoid below the eye */
 };
 
 /* The channel's place and direction in the aircraft (product configuration: channel). */
 struct channel_geometry {
-    double offset_m[3]; /* eyepoint in body axes: forward, right, down */
+    double offset_m[3];                  /* eyepoint in body axes: forward, right, down */
     double yaw_deg, pitch_deg, roll_deg; /* of the view direction against the body axes */
     double left_deg, right_deg, bottom_deg, top_deg;
 };

@@ -77,12 +77,12 @@ int clipmap_uncovered(int side, struct clipmap_window from, struct clipmap_windo
     int count = 0;
     int dr = (int)rows, dc = (int)cols;
     if (dr != 0)
-        ret_rects[count++] = (struct clipmap_rect){
-            dr > 0 ? from.row0 + n : to.row0, to.col0, dr > 0 ? dr : -dr, n};
+        ret_rects[count++] =
+            (struct clipmap_rect){dr > 0 ? from.row0 + n : to.row0, to.col0, dr > 0 ? dr : -dr, n};
     if (dc != 0)
-        ret_rects[count++] = (struct clipmap_rect){
-            dr > 0 ? to.row0 : from.row0, dc > 0 ? from.col0 + n : to.col0,
-            n - (dr > 0 ? dr : -dr), dc > 0 ? dc : -dc};
+        ret_rects[count++] =
+            (struct clipmap_rect){dr > 0 ? to.row0 : from.row0, dc > 0 ? from.col0 + n : to.col0,
+                                  n - (dr > 0 ? dr : -dr), dc > 0 ? dc : -dc};
     return count;
 }
 
@@ -113,10 +113,12 @@ static void add_block(struct block_list *list, int col, int row, int cols, int r
             int inside = (i > 0 ? CLIPMAP_WEST : 0) | (i < pieces_x - 1 ? CLIPMAP_EAST : 0) |
                          (j > 0 ? CLIPMAP_SOUTH : 0) | (j < pieces_y - 1 ? CLIPMAP_NORTH : 0);
             assert(list->count < CLIPMAP_MAX_BLOCKS);
-            list->blocks[list->count++] = (struct clipmap_block){
-                .col = (int16_t)(col + x0), .row = (int16_t)(row + y0),
-                .cols = (int16_t)(x1 - x0), .rows = (int16_t)(y1 - y0),
-                .doubled = (uint8_t)(doubled & ~inside)};
+            list->blocks[list->count++] =
+                (struct clipmap_block){.col = (int16_t)(col + x0),
+                                       .row = (int16_t)(row + y0),
+                                       .cols = (int16_t)(x1 - x0),
+                                       .rows = (int16_t)(y1 - y0),
+                                       .doubled = (uint8_t)(doubled & ~inside)};
         }
     }
 }
@@ -173,8 +175,8 @@ int clipmap_blocks(const struct clipmap_shape *shape, const struct clipmap_layou
         struct clipmap_window fine = layout->windows[level - 1], own = layout->windows[level];
         at_east = floor_half(fine.col0) - own.col0 == m;
         at_north = floor_half(fine.row0) - own.row0 == m;
-        touching = (at_east ? CLIPMAP_EAST : CLIPMAP_WEST) |
-                   (at_north ? CLIPMAP_NORTH : CLIPMAP_SOUTH);
+        touching =
+            (at_east ? CLIPMAP_EAST : CLIPMAP_WEST) | (at_north ? CLIPMAP_NORTH : CLIPMAP_SOUTH);
     }
     const int start[5] = {0, m, 2 * m, 2 * m + 2, 3 * m + 2}, size[5] = {m, m, 2, m, m};
     for (int j = 0; j < 5; j++) {

@@ -4,7 +4,8 @@
  * A post's address is an integer (row, col) in units of its level's spacing, counted from the
  * equator and from Greenwich. A window's origin is even, so that its rim falls on posts of the next
  * coarser level, and it lies in the hole of the coarser ring shifted by 0 or 1 coarse cells; the
- * L block fills what the shift leaves over (Asirvatham and Hoppe 2005; Song et al. 2016, fig. 1). */
+ * L block fills what the shift leaves over (Asirvatham and Hoppe 2005; Song et al. 2016, fig. 1).
+ */
 #pragma once
 
 #include <stdbool.h>

@@ -130,9 +130,9 @@ void level_store_export_surfaces(const struct level_store *store, struct clipmap
     }
 }
 
-/* A post's own height and the coarser level's there: linear between the coarser posts, with the very
- * operations that the evaluation shader uses where a coarser edge has the finer level's vertices, so
- * that both sides get the same bits. */
+/* A post's own height and the coarser level's there: linear between the coarser posts, with the
+ * very operations that the evaluation shader uses where a coarser edge has the finer level's
+ * vertices, so that both sides get the same bits. */
 static struct loader_height heights_of_post(const struct level_store *store,
                                             const struct level_store *coarser, int32_t row,
                                             int32_t col)
@@ -158,8 +158,8 @@ void level_store_export_heights(const struct level_store *store, const struct le
 
 /* Of the posts (row0, col0) to (row1, col1), both included. */
 static struct loader_bounds bounds_of(const struct level_store *store,
-                                      const struct level_store *coarser, int32_t row0,
-                                      int32_t col0, int32_t row1, int32_t col1)
+                                      const struct level_store *coarser, int32_t row0, int32_t col0,
+                                      int32_t row1, int32_t col1)
 {
     struct loader_bounds bounds = {INFINITY, -INFINITY};
     for (int32_t row = row0; row <= row1; row++) {

@@ -55,8 +55,8 @@ struct clipmap_rect level_store_posts(struct clipmap_rect rect);
 void level_store_export_surfaces(const struct level_store *store, struct clipmap_rect rect,
                                  struct loader_surface *ret_surfaces);
 
-/* Writes the heights of posts. `coarser` is the next level, whose window must hold them; NULL (there
- * is none) makes the coarser heights the level's own. */
+/* Writes the heights of posts. `coarser` is the next level, whose window must hold them; NULL
+ * (there is none) makes the coarser heights the level's own. */
 void level_store_export_heights(const struct level_store *store, const struct level_store *coarser,
                                 struct clipmap_rect rect, struct loader_height *ret_heights);
 

@@ -46,7 +46,8 @@ struct loader {
     pthread_t thread;
 };
 
-static bool sample_source(struct terrain_source *source, const struct terrain_grid *grid, float *ret_m)
+static bool sample_source(struct terrain_source *source, const struct terrain_grid *grid,
+                          float *ret_m)
 {
     return source && source->ops->sample_grid(source, grid, ret_m) == 0;
 }
@@ -59,9 +60,9 @@ static bool any_void_or_low(const float *altitude_m, size_t count)
     return false;
 }
 
-/* Puts the fallback's height (or 0) where the source has none, and finds the water: what lies at sea
- * level, and what the source has a little lower where the fallback has sea (a scenery's chords under
- * the round Earth, shallow bathymetry). */
+/* Puts the fallback's height (or 0) where the source has none, and finds the water: what lies at
+ * sea level, and what the source has a little lower where the fallback has sea (a scenery's chords
+ * under the round Earth, shallow bathymetry). */
 static void settle_ground(struct loader *loader, const struct terrain_grid *grid, size_t count)
 {
     bool have = any_void_or_low(loader->altitude_m, count) &&
@@ -374,8 +375,7 @@ void loader_stop(struct loader *loader)
 void loader_wish(struct loader *loader, double lat_deg, double lon_deg, int finest)
 {
     uint64_t number = atomic_load_explicit(&loader->asked, memory_order_relaxed) + 1;
-    struct wish wish = {
-        .number = number, .lat_deg = lat_deg, .lon_deg = lon_deg, .finest = finest};
+    struct wish wish = {.number = number, .lat_deg = lat_deg, .lon_deg = lon_deg, .finest = finest};
     latest_publish(&loader->wishes, &wish);
     atomic_store(&loader->asked, number);
     sem_post(&loader->wished);

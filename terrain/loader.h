@@ -44,26 +44,27 @@ struct loader_bounds {
 };
 
 struct loader_update {
-    int slot;                  /* which arena */
+    int slot; /* which arena */
     struct clipmap_layout layout;
-    int finest;                /* the finest level that is filled */
+    int finest;                      /* the finest level that is filled */
     double eye_lat_deg, eye_lon_deg; /* the wish that it answers */
-    float ground_m;            /* ellipsoidal height of the ground below that eye */
-    float undulation_m;        /* of the geoid there */
+    float ground_m;                  /* ellipsoidal height of the ground below that eye */
+    float undulation_m;              /* of the geoid there */
     unsigned strip_count;
     struct loader_strip strips[LOADER_MAX_STRIPS];
-    struct loader_height *heights;   /* in the arena */
+    struct loader_height *heights; /* in the arena */
     struct loader_surface *surfaces;
     size_t height_count, surface_count; /* used */
     /* By row and column of the 8 x 8 cell squares of each level, from the window's origin. */
-    struct loader_bounds *bounds;    /* [levels][side][side], owned by the loader */
+    struct loader_bounds *bounds; /* [levels][side][side], owned by the loader */
 };
 
 struct loader_params {
     struct clipmap_shape shape;
-    struct terrain_source *source;   /* heights above the geoid; ownership passes */
-    struct terrain_source *fallback; /* used where `source` has none; may be NULL; ownership passes */
-    struct geoid *geoid;             /* NULL: undulation 0 everywhere; ownership passes */
+    struct terrain_source *source; /* heights above the geoid; ownership passes */
+    struct terrain_source
+        *fallback;       /* used where `source` has none; may be NULL; ownership passes */
+    struct geoid *geoid; /* NULL: undulation 0 everywhere; ownership passes */
     /* Memory of the renderer's, one piece an update, into which strips are written: heights at 0,
      * surfaces at loader_surfaces_offset(), loader_arena_bytes() in all. It outlives the loader. */
     void *arenas[LOADER_UPDATES];
@@ -76,8 +77,7 @@ size_t loader_surfaces_offset(const struct clipmap_shape *shape);
 struct loader;
 
 /* Starts the thread "otwd-terrain". On failure everything whose ownership passes is destroyed. */
-int loader_start(const struct loader_params *params, struct loader **ret_loader,
-                 struct diag *diag);
+int loader_start(const struct loader_params *params, struct loader **ret_loader, struct diag *diag);
 /* Legal on NULL. */
 void loader_stop(struct loader *loader);
 

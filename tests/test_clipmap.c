@@ -10,8 +10,8 @@ static double random_between(double low, double high)
 }
 
 static const struct clipmap_shape shapes[] = {
-    {.n = 15, .levels = 6, .step_deg = 1e-3},    {.n = 63, .levels = 9, .step_deg = 1e-5},
-    {.n = 127, .levels = 15, .step_deg = 1e-5},  {.n = 255, .levels = 9, .step_deg = 1e-5},
+    {.n = 15, .levels = 6, .step_deg = 1e-3},   {.n = 63, .levels = 9, .step_deg = 1e-5},
+    {.n = 127, .levels = 15, .step_deg = 1e-5}, {.n = 255, .levels = 9, .step_deg = 1e-5},
     {.n = 511, .levels = 7, .step_deg = 1e-5},
 };
 #define SHAPES (sizeof(shapes) / sizeof(shapes[0]))
@@ -65,8 +65,8 @@ static void coverage(const struct clipmap_shape *shape, const struct clipmap_lay
     }
     for (int r = 0; r < cells; r++) {
         for (int c = 0; c < cells; c++) {
-            bool inside = r >= from_row && r < from_row + side && c >= from_col &&
-                          c < from_col + side;
+            bool inside =
+                r >= from_row && r < from_row + side && c >= from_col && c < from_col + side;
             *ret_wrong += covered[r * cells + c] != !inside;
         }
     }
@@ -88,8 +88,8 @@ static void blocks_cover_every_cell_outside_the_hole_once(void)
     CHECK_INT(wrong, 0);
 }
 
-/* Marks where an edge of a block has vertices, on a lattice of half cells; a doubled edge has them at
- * every half cell. */
+/* Marks where an edge of a block has vertices, on a lattice of half cells; a doubled edge has them
+ * at every half cell. */
 static void mark_edge(signed char *marks, int side, int x, int y, int dx, int dy, int cells,
                       bool doubled, int *ret_wrong)
 {

@@ -1,5 +1,6 @@
 /* A flight that FlightGear sent, over terrain sampled from FlightGear's own scenery: what the
- * packets, the database and the drawn pixels say of the ground must agree. Needs the shared data. */
+ * packets, the database and the drawn pixels say of the ground must agree. Needs the shared data.
+ */
 #include <errno.h>
 #include <gdal.h>
 #include <stdarg.h>
@@ -71,8 +72,7 @@ static void packets_and_database_agree_on_the_ground(void)
         const struct geodetic *p = &flight->poses[i].position;
         double ground_m;
         source->ops->sample_point(source, p->lat_deg, p->lon_deg, &ground_m);
-        double altitude_m =
-            p->height_m - geoid_undulation_m(geoid, p->lat_deg, p->lon_deg);
+        double altitude_m = p->height_m - geoid_undulation_m(geoid, p->lat_deg, p->lon_deg);
         errors[count++] = fabs(altitude_m - ground_m - flight->agl_m[i]);
     }
     qsort(errors, count, sizeof(*errors), compare_doubles);
@@ -158,7 +158,9 @@ static void check_frame(const char *path, const struct pose *pose, struct tally 
 static void pixels_and_raster_agree_on_the_ground(void)
 {
     CHECK_INT(run("replay '%s' --terrain '%s' --speed max --rate 1 --size 512x288 --every 5 "
-                  "--quiet --geo geo", capture, database), 0);
+                  "--quiet --geo geo",
+                  capture, database),
+              0);
     struct tally tally = {0};
     nsec_t duration_ns = flight_duration_ns(flight);
     for (long second = 0; second * NSEC_PER_SEC <= duration_ns; second += 5) {

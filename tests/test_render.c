@@ -35,8 +35,8 @@ static int formula_point(struct terrain_source *source, double lat_deg, double l
 
 static void formula_facts(const struct terrain_source *source, struct terrain_facts *ret_facts)
 {
-    *ret_facts = (struct terrain_facts){
-        .finest_lat_step_deg = ((const struct formula *)source)->step_deg};
+    *ret_facts =
+        (struct terrain_facts){.finest_lat_step_deg = ((const struct formula *)source)->step_deg};
 }
 
 static void formula_destroy(struct terrain_source *source)
@@ -133,7 +133,8 @@ static struct view view_at(double lat_deg, double lon_deg, double height_m, doub
     return view;
 }
 
-/* Draws with all terrain there; the pixels land in `ret` ([HEIGHT][WIDTH], rows from the bottom). */
+/* Draws with all terrain there; the pixels land in `ret` ([HEIGHT][WIDTH], rows from the bottom).
+ */
 static void draw(struct scene_under_test *scene, struct view *view, float *ret_depth,
                  uint32_t *ret_colour, struct renderer_frame *ret_frame)
 {
@@ -164,8 +165,8 @@ static double elevation_rad(const struct view *view, int row, int col)
 {
     double x = view->tan_left + (view->tan_right - view->tan_left) * (col + 0.5) / WIDTH;
     double y = view->tan_bottom + (view->tan_top - view->tan_bottom) * (row + 0.5) / HEIGHT;
-    double up = view->enu_from_eye[2][0] * x + view->enu_from_eye[2][1] * y -
-                view->enu_from_eye[2][2];
+    double up =
+        view->enu_from_eye[2][0] * x + view->enu_from_eye[2][1] * y - view->enu_from_eye[2][2];
     return asin(up / sqrt(x * x + y * y + 1.0));
 }
 
@@ -182,7 +183,7 @@ static int count_cracks(const struct view *view, const float *depth, double lowe
 }
 
 static const double places[][2] = {
-    {46.5, 8.0},  {0.0, 0.0},     {-33.9, 18.4}, {59.6, 10.0}, {60.4, -150.0},
+    {46.5, 8.0},  {0.0, 0.0},      {-33.9, 18.4}, {59.6, 10.0},  {60.4, -150.0},
     {79.5, 15.0}, {-79.9, 179.99}, {12.0, 180.0}, {64.0, -22.0}, {-5.0, -179.9999},
 };
 #define PLACES (sizeof(places) / sizeof(places[0]))
@@ -232,8 +233,9 @@ static void a_flight_has_no_cracks_at_any_step(void)
     close_scene(&scene);
 }
 
-/* What the depth buffer says lies at a pixel, against the formula: along the ray, the ground that is
- * drawn differs by the level's own coarseness; flat ground has none but the Earth's curvature. */
+/* What the depth buffer says lies at a pixel, against the formula: along the ray, the ground that
+ * is drawn differs by the level's own coarseness; flat ground has none but the Earth's curvature.
+ */
 static void flat_ground_lies_where_it_should(void)
 {
     struct scene_under_test scene = {0};
@@ -288,8 +290,8 @@ static void hills_lie_where_they_should(void)
         draw(&scene, &view, depth, NULL, NULL);
         geo_pixels_from_depth(&view, depth, WIDTH, HEIGHT, pixels);
         for (int i = 0; i < WIDTH * HEIGHT; i++) {
-            if (isnan(pixels[3 * i]) || depth[(HEIGHT - 1 - i / WIDTH) * WIDTH + i % WIDTH] <
-                                            0.5f / 3000.0f)
+            if (isnan(pixels[3 * i]) ||
+                depth[(HEIGHT - 1 - i / WIDTH) * WIDTH + i % WIDTH] < 0.5f / 3000.0f)
                 continue;
             counted++;
             wrong += fabs(pixels[3 * i + 2] - hilly_ground(pixels[3 * i], pixels[3 * i + 1])) > 1.0;
