@@ -19,7 +19,6 @@ enum pass { PASS_UPLOAD, PASS_TERRAIN, PASS_SHADE, PASSES, PASS_MARKS = PASSES +
 
 struct renderer {
     int width, height;
-    bool name_passes; /* for a GL debugger; the driver allocates for it */
     struct clipmap_shape shape;
     struct loader *loader;
     struct clipmap_pass *clipmap;
@@ -125,7 +124,6 @@ int renderer_create(const struct renderer_params *params, const struct gl_facts 
     renderer->width = params->width;
     renderer->height = params->height;
     renderer->shape = params->shape;
-    renderer->name_passes = facts->debug;
     int r = clipmap_pass_create(&params->shape, facts, &renderer->clipmap, diag);
     if (r == 0)
         r = program_create(&(struct program_params){.name = "shade"}, &renderer->shade_program,
@@ -234,10 +232,10 @@ static void draw_terrain(struct renderer *renderer, const struct view *view,
 /* Marks the time, ends the pass before and opens the next in the debugger's tree (NULL = none). */
 static void begin_pass(struct renderer *renderer, enum pass pass, const char *name)
 {
-    if (renderer->name_passes && pass != PASS_UPLOAD)
+    if (pass != PASS_UPLOAD)
         glPopDebugGroup();
     glQueryCounter(renderer->time_queries[pass], GL_TIMESTAMP);
-    if (renderer->name_passes && name)
+    if (name)
         glPushDebugGroup(GL_DEBUG_SOURCE_APPLICATION, pass, -1, name);
 }
 
