@@ -10,10 +10,11 @@
 /* What the context can do, gathered once. */
 struct gl_facts {
     char vendor[128], renderer[128], version[128];
-    bool software;              /* a rasteriser on the CPU (llvmpipe, softpipe, SWR) */
-    int max_tess_level;         /* segments an edge */
+    bool debug;         /* OTWD_GL_DEBUG is set: messages, and passes as debug groups */
+    bool software;      /* a rasteriser on the CPU (llvmpipe, softpipe, SWR) */
+    int max_tess_level; /* segments an edge */
     int max_texture_size, max_array_layers;
-    int memory_total_mib;       /* of the GPU, 0 where it does not say */
+    int memory_total_mib; /* of the GPU, 0 where it does not say */
 };
 
 struct gl_context;

@@ -45,7 +45,8 @@ int gl_facts_gather(struct gl_facts *ret_facts, struct diag *diag)
         glGetIntegerv(NVX_MEMORY_TOTAL, &total_kib);
         facts.memory_total_mib = total_kib / 1024;
     }
-    if (getenv("OTWD_GL_DEBUG")) {
+    facts.debug = getenv("OTWD_GL_DEBUG") != NULL;
+    if (facts.debug) {
         glEnable(GL_DEBUG_OUTPUT);
         glEnable(GL_DEBUG_OUTPUT_SYNCHRONOUS);
         glDebugMessageCallback(print_debug, NULL);

@@ -29,6 +29,7 @@ struct renderer {
     char *scenes; /* BUFFERED_SCENES blocks, persistently mapped */
     size_t scene_stride;
     unsigned scene;
+    bool debug_groups;
     GLuint time_queries[PASS_MARKS], triangle_query;
     struct loader_update *held[LOADER_UPDATES]; /* being copied from by this frame */
     unsigned held_count;
@@ -124,6 +125,7 @@ int renderer_create(const struct renderer_params *params, const struct gl_facts 
     renderer->width = params->width;
     renderer->height = params->height;
     renderer->shape = params->shape;
+    renderer->debug_groups = facts->debug;
     int r = clipmap_pass_create(&params->shape, facts, &renderer->clipmap, diag);
     if (r == 0)
         r = program_create(&(struct program_params){.name = "shade"}, &renderer->shade_program,
@@ -229,13 +231,14 @@ static void draw_terrain(struct renderer *renderer, const struct view *view,
     renderer->frame.upload_bytes = facts.upload_bytes;
 }
 
-/* Marks the time, ends the pass before and opens the next in the debugger's tree (NULL = none). */
+/* Marks the time; in the debugger's tree ends the pass before and opens the next (NULL = none). The
+ * driver allocates for each group, so there are none unless they are asked for. */
 static void begin_pass(struct renderer *renderer, enum pass pass, const char *name)
 {
-    if (pass != PASS_UPLOAD)
+    if (renderer->debug_groups && pass != PASS_UPLOAD)
         glPopDebugGroup();
     glQueryCounter(renderer->time_queries[pass], GL_TIMESTAMP);
-    if (name)
+    if (renderer->debug_groups && name)
         glPushDebugGroup(GL_DEBUG_SOURCE_APPLICATION, pass, -1, name);
 }
 

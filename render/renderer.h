@@ -22,10 +22,10 @@ struct renderer_params {
 };
 
 struct renderer_frame {
-    double gpu_ms;           /* timer queries: from the first pass to the end of the last */
+    double gpu_ms; /* timer queries: from the first pass to the end of the last */
     double upload_ms, terrain_ms, shade_ms; /* the same by pass */
-    uint64_t triangles;      /* generated, after culling */
-    unsigned control_points; /* vertices sent by the CPU */
+    uint64_t triangles;                     /* generated, after culling */
+    unsigned control_points;                /* vertices sent by the CPU */
     uint64_t upload_bytes;
     bool complete; /* the terrain drawn is that of this eye, not of an earlier one */
     bool failed;   /* the GPU was reset or ran out of memory */

@@ -3,9 +3,11 @@
  *
  * A call counts where the calling thread has the name in COUNT_THREAD and the return address lies
  * in the text of the main program, into which all of our libraries are linked statically. What the
- * GL driver and other shared libraries do for themselves does not count: we cannot help it. Calls
- * before COUNT_AFTER_S seconds count as early, later ones as late; at exit the counts are written
- * to COUNT_FILE, with the addresses of the late callers for addr2line(1). */
+ * GL driver and other shared libraries do for themselves does not count: we cannot
+ * help it. (A function of theirs that we call and that ends in a jump to free() looks like ours.)
+ * Calls before COUNT_AFTER_S seconds count as early, later ones up to COUNT_UNTIL_S as late; at
+ * exit the counts are written to COUNT_FILE, with the addresses of the late callers for
+ * addr2line(1). */
 #include <dlfcn.h>
 #include <link.h>
 #include <pthread.h>
