@@ -35,7 +35,7 @@ struct import_params {
     const double *max_error_m; /* NULL: 0.5, or the database's own */
     enum import_vertical vertical;
     const char *geoid_path; /* PGM of GeographicLib; needed for EGM2008 and EGM84, else NULL */
-    const char *crs;        /* for rasters without one; NULL */
+    const char *crs;        /* for rasters without a usable one; NULL */
     const double *nodata;   /* NULL */
     int priority;           /* higher ones cover lower ones, later ones cover equal ones */
     unsigned jobs;          /* threads; 0: one for each processor */

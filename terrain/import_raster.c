@@ -20,14 +20,20 @@ void raster_start_up(void)
     CPLSetConfigOption("OGR_CT_FORCE_TRADITIONAL_GIS_ORDER", "NO");
 }
 
-void raster_close(struct raster *raster)
+static void drop_transformations(struct raster *raster)
 {
-    if (!raster)
-        return;
     if (raster->from_lonlat)
         OCTDestroyCoordinateTransformation(raster->from_lonlat);
     if (raster->to_lonlat)
         OCTDestroyCoordinateTransformation(raster->to_lonlat);
+    raster->from_lonlat = raster->to_lonlat = NULL;
+}
+
+void raster_close(struct raster *raster)
+{
+    if (!raster)
+        return;
+    drop_transformations(raster);
     if (raster->dataset)
         GDALClose(raster->dataset);
     free(raster->lon);
@@ -104,31 +110,45 @@ static int read_placement(struct raster *raster, struct diag *diag)
     return 0;
 }
 
-static OGRSpatialReferenceH crs_of(struct raster *raster, const struct raster_options *options,
-                                   struct diag *diag)
+/* The raster's own, as far as it says where on the Earth it lies; NULL. */
+static OGRSpatialReferenceH own_crs(const struct raster *raster)
 {
-    OGRSpatialReferenceH own = GDALGetSpatialRef(raster->dataset), crs = NULL;
-    if (options->crs) {
-        crs = OSRNewSpatialReference(NULL);
-        if (OSRSetFromUserInput(crs, options->crs) != OGRERR_NONE) {
-            OSRDestroySpatialReference(crs);
-            diag_set(diag, -EINVAL, "--crs %s is no coordinate reference system that PROJ knows",
-                     options->crs);
-            return NULL;
-        }
-    } else if (own && !OSRIsLocal(own)) {
-        crs = OSRClone(own);
-    } else {
-        diag_set(
-            diag, -EBADMSG,
-            "%s has no coordinate reference system: give one with --crs, such as --crs EPSG:4326",
-            raster->path);
-        return NULL;
+    OGRSpatialReferenceH own = GDALGetSpatialRef(raster->dataset);
+    return own && !OSRIsLocal(own) ? OSRClone(own) : NULL;
+}
+
+/* The option's, checked even where no raster needs it. */
+static int given_crs(const struct raster_options *options, OGRSpatialReferenceH *ret_crs,
+                     struct diag *diag)
+{
+    if (!options->crs)
+        return 0;
+    OGRSpatialReferenceH crs = OSRNewSpatialReference(NULL);
+    if (OSRSetFromUserInput(crs, options->crs) != OGRERR_NONE) {
+        OSRDestroySpatialReference(crs);
+        return diag_set(diag, -EINVAL, "--crs %s is no coordinate reference system that PROJ knows",
+                        options->crs);
     }
+    *ret_crs = crs;
+    return 0;
+}
+
+/* False where there is no way between this system and WGS84. */
+static bool connect_crs(struct raster *raster, OGRSpatialReferenceH crs)
+{
     if (OSRIsCompound(crs))
         OSRStripVertical(crs);
     OSRSetAxisMappingStrategy(crs, OAMS_TRADITIONAL_GIS_ORDER);
-    return crs;
+    OGRSpatialReferenceH wgs84 = OSRNewSpatialReference(NULL);
+    OSRSetWellKnownGeogCS(wgs84, "WGS84");
+    OSRSetAxisMappingStrategy(wgs84, OAMS_TRADITIONAL_GIS_ORDER);
+    raster->to_lonlat = OCTNewCoordinateTransformation(crs, wgs84);
+    raster->from_lonlat = OCTNewCoordinateTransformation(wgs84, crs);
+    OSRDestroySpatialReference(wgs84);
+    if (raster->to_lonlat && raster->from_lonlat)
+        return true;
+    drop_transformations(raster);
+    return false;
 }
 
 /* True where longitude and latitude pass through unchanged (to 1e-10 degrees, 0.01 mm). */
@@ -145,28 +165,32 @@ static bool is_identity(struct raster *raster)
     return true;
 }
 
+/* A raster's own system goes before the option's, which is for rasters that have none to use. */
 static int make_transformations(struct raster *raster, const struct raster_options *options,
                                 struct diag *diag)
 {
-    OGRSpatialReferenceH crs = crs_of(raster, options, diag);
-    if (!crs)
-        return -EBADMSG;
-    OGRSpatialReferenceH wgs84 = OSRNewSpatialReference(NULL);
-    OSRSetWellKnownGeogCS(wgs84, "WGS84");
-    OSRSetAxisMappingStrategy(wgs84, OAMS_TRADITIONAL_GIS_ORDER);
-    raster->to_lonlat = OCTNewCoordinateTransformation(crs, wgs84);
-    raster->from_lonlat = OCTNewCoordinateTransformation(wgs84, crs);
-    bool geographic = OSRIsGeographic(crs);
-    OSRDestroySpatialReference(crs);
-    OSRDestroySpatialReference(wgs84);
-    if (!raster->to_lonlat || !raster->from_lonlat)
-        return diag_set(diag, -EBADMSG, "%s: no way from its coordinate system to WGS84: %s",
-                        raster->path, CPLGetLastErrorMsg());
+    OGRSpatialReferenceH own = own_crs(raster), given = NULL, used = NULL;
+    int r = given_crs(options, &given, diag);
+    if (r == 0 && own && connect_crs(raster, own))
+        used = own;
+    else if (r == 0 && given && connect_crs(raster, given))
+        used = given;
+    if (r == 0 && !own && !given)
+        r = diag_set(diag, -EBADMSG,
+                     "%s has no coordinate reference system: give one with --crs, such as --crs "
+                     "EPSG:4326",
+                     raster->path);
+    else if (r == 0 && !used)
+        r = diag_set(diag, -EBADMSG, "%s: no way from %s coordinate system to WGS84: %s",
+                     raster->path, given ? "the given" : "its", CPLGetLastErrorMsg());
+    bool geographic = used && OSRIsGeographic(used);
+    OSRDestroySpatialReference(own);
+    OSRDestroySpatialReference(given);
+    if (r < 0)
+        return r;
     raster->facts.geographic = geographic && is_identity(raster);
     if (raster->facts.geographic) {
-        OCTDestroyCoordinateTransformation(raster->to_lonlat);
-        OCTDestroyCoordinateTransformation(raster->from_lonlat);
-        raster->to_lonlat = raster->from_lonlat = NULL;
+        drop_transformations(raster);
         double turn = fabs(raster->dx) * raster->facts.width;
         raster->periodic = fabs(turn - 360.0) < 1e-3 * fabs(raster->dx);
     }

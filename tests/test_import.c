@@ -391,6 +391,33 @@ static void test_refusals(void)
     check_run(run("'%s' -o /nowhere/at/all.db", in("hills.tif")), 74);
 }
 
+static void copy_with_local_crs(const char *from, const char *to)
+{
+    OGRSpatialReferenceH local = OSRNewSpatialReference(NULL);
+    OSRSetLocalCS(local, "the surveyor's own");
+    GDALDriverH driver = GDALGetDriverByName("GTiff");
+    GDALDatasetH source = GDALOpen(from, GA_ReadOnly);
+    GDALDatasetH copy = GDALCreateCopy(driver, to, source, 0, NULL, NULL, NULL);
+    CHECK_INT(GDALSetSpatialRef(copy, local), CE_None);
+    GDALClose(copy);
+    GDALClose(source);
+    OSRDestroySpatialReference(local);
+}
+
+static void test_crs_option(void)
+{
+    /* A raster's own goes first: these degrees would be metres near Africa in UTM. */
+    check_run(run("'%s' -o '%s' -q --crs EPSG:32632", in("hills.tif"), in("own.db")), 0);
+    CHECK_NEAR(compare(in("hills.tif"), in("own.db"), 7).worst_m, 0.0, 0.0);
+    copy_with_local_crs(in("hills.tif"), in("local.tif"));
+    check_refused("local.tif", 65, "--crs");
+    check_run(run("'%s' -o '%s' -q --crs EPSG:4326", in("local.tif"), in("local.db")), 0);
+    CHECK_NEAR(compare(in("hills.tif"), in("local.db"), 7).worst_m, 0.0, 0.0);
+    check_run(run("'%s' -o '%s' --crs EPSG:no", in("hills.tif"), in("refused.db")), 64);
+    CHECK_CONTAINS(output, "--crs EPSG:no");
+    CHECK(access(in("refused.db"), F_OK) != 0);
+}
+
 static void test_resume(void)
 {
     struct made made = {3601, 2401, 10.0, 46.0, 1 / 3600.0, -1 / 3600.0, 4326, GDT_Int16, NAN, 0.0};
@@ -555,6 +582,7 @@ static const struct check_test made_tests[] = {
     {"a raster across the antimeridian has no seam", test_antimeridian},
     {"ellipsoidal heights become EGM96 ones", test_ellipsoid},
     {"what cannot be imported is named, with the right exit status", test_refusals},
+    {"--crs is for rasters that have no usable one", test_crs_option},
     {"a killed import is refused by readers and goes on where it was", test_resume},
 };
 
