@@ -305,7 +305,6 @@ int main(int argc, char **argv)
         return EX_OK;
     if (display.terminal && !arguments.quiet)
         fputc('\n', stderr);
-    fprintf(stderr, "otwd-import: %s%s\n", diag.text[0] ? diag.text : strerror(-r),
-            r == -ECANCELED ? "; run the same command again to go on" : "");
+    fprintf(stderr, "otwd-import: %s\n", diag.text[0] ? diag.text : strerror(-r));
     return exit_code(r);
 }

@@ -52,7 +52,8 @@ struct import_result {
 
 /* Returns 0; -ENOENT, -EACCES (a source); -EBADMSG (a source is no elevation raster); -EINVAL (the
  * options contradict each other or the database); -EPROTONOSUPPORT, -EBUSY (the database);
- * -ENOSPC, -EIO; -ECANCELED; -ENOMEM. The sentence names the file. */
+ * -ENOSPC, -EIO; -ECANCELED; -ENOMEM. The sentence names the file, and says of a database that is
+ * there whether it is as it was or cannot be used until the import is done. */
 int import_run(const struct import_params *params, struct import_result *ret_result,
                struct diag *diag);
 

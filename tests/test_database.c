@@ -347,6 +347,25 @@ static void test_incomplete(void)
     CHECK_INT(verify(path).faults, 0);
 }
 
+static void test_rollback(void)
+{
+    char path[256];
+    struct diag diag = {""};
+    struct database *writer = NULL;
+    spoil("rollback.db", "SELECT 1", path, sizeof(path));
+    CHECK_INT(database_open_writable(path, &writer, &diag), 0);
+    CHECK_INT(database_begin(writer, &diag), 0);
+    CHECK(!database_is_complete(writer));
+    database_rollback(writer);
+    CHECK(database_is_complete(writer));
+    CHECK_INT(database_begin(writer, &diag), 0); /* marks the file again */
+    CHECK_INT(database_commit(writer, &diag), 0);
+    database_rollback(writer);
+    CHECK(!database_is_complete(writer));
+    database_close(writer);
+    check_refused(path, -EBUSY, "not complete");
+}
+
 static void test_read_only_directory(void)
 {
     char path[320], folder[256], command[700];
@@ -395,6 +414,7 @@ static const struct check_test tests[] = {
     {"every flipped bit of a payload is found and its tile named", test_flipped_bits},
     {"what is no database, of another version or cut short is named", test_refusals},
     {"an unfinished database is refused, and can be finished", test_incomplete},
+    {"a rollback leaves a database as complete as its file is", test_rollback},
     {"a database in a read-only directory can be read", test_read_only_directory},
     {"info tells extent, levels and size", test_info},
 };
