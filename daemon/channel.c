@@ -80,6 +80,17 @@ void channel_destroy(struct channel *channel)
     free(channel);
 }
 
+/* Lets the loader work on the next frame's terrain: while the GPU draws this one, or, where the
+ * rasteriser itself needs the cores, once this one is drawn. */
+static void expect(struct channel *channel, const struct pose *next)
+{
+    struct view ahead;
+    if (!next)
+        return;
+    view_from_pose(next, &channel->geometry, &ahead);
+    renderer_wish(channel->renderer, &ahead.eye);
+}
+
 void channel_draw(struct channel *channel, const struct pose *pose, const struct pose *next,
                   nsec_t utc_ns, bool complete, struct channel_frame *ret_frame)
 {
@@ -93,11 +104,8 @@ void channel_draw(struct channel *channel, const struct pose *pose, const struct
     view.visibility_m = channel->visibility_m;
     sun_direction_enu(utc_ns, view.eye.lat_deg, view.eye.lon_deg, view.sun_enu);
     renderer_draw(channel->renderer, &view);
-    if (next) {
-        struct view ahead;
-        view_from_pose(next, &channel->geometry, &ahead);
-        renderer_wish(channel->renderer, &ahead.eye);
-    }
+    if (!channel->gl.software)
+        expect(channel, next);
     if (channel->window)
         window_show(channel->window, renderer_framebuffer(channel->renderer));
     renderer_finish(channel->renderer, &ret_frame->renderer);
@@ -105,6 +113,8 @@ void channel_draw(struct channel *channel, const struct pose *pose, const struct
     ret_frame->frame_ms = milliseconds_from_ns(ret_frame->finished_ns - start_ns);
     ret_frame->cpu_ms = milliseconds_from_ns(clock_thread_cpu_ns() - start_cpu_ns);
     ret_frame->view = view;
+    if (channel->gl.software)
+        expect(channel, next);
 }
 
 void channel_set_visibility(struct channel *channel, double visibility_m)

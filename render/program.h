@@ -16,8 +16,9 @@ struct program_params {
     const char *name;    /* of the files: name.vert, name.tesc, name.tese, name.frag, name.comp;
                             those that exist are linked */
     const char *defines; /* "#define A 1\n..." put before every stage, or NULL */
+    const char *shared;  /* a file put between common.glsl and every stage, or NULL */
 };
 
-/* Every stage is "#version 450 core", the defines, common.glsl, then the stage's file. Returns 0
- * with the program, or -EINVAL with the compiler's first complaint. */
+/* Every stage is "#version 450 core", the defines, common.glsl, the shared file, then the
+ * stage's own. Returns 0 with the program, or -EINVAL with the compiler's first complaint. */
 int program_create(const struct program_params *params, GLuint *ret_program, struct diag *diag);

@@ -12,7 +12,7 @@
 #include "render/scene.h"
 
 #define BUFFERED_SCENES 4
-#define SHADE_GROUP     8 /* pixels a side of a work group of shade.comp */
+#define SHADE_GROUP     8 /* pixels a side of a work group of shade_compute.comp */
 
 /* Where a frame's time is marked: pass p lies between marks p and p + 1. */
 enum pass { PASS_UPLOAD, PASS_TERRAIN, PASS_SHADE, PASSES, PASS_MARKS = PASSES + 1 };
@@ -23,6 +23,8 @@ struct renderer {
     struct loader *loader;
     struct clipmap_pass *clipmap;
     GLuint shade_program;
+    bool shade_in_compute; /* else by a triangle over the screen: docs/decisions/0003 */
+    GLuint empty_array;
     GLuint geometry_framebuffer, depth; /* what the terrain pass draws */
     GLuint framebuffer, colour;         /* what the shading pass writes */
     GLuint scene_buffer;
@@ -128,8 +130,10 @@ int renderer_create(const struct renderer_params *params, const struct gl_facts 
     renderer->debug_groups = facts->debug;
     int r = clipmap_pass_create(&params->shape, facts, &renderer->clipmap, diag);
     if (r == 0)
-        r = program_create(&(struct program_params){.name = "shade"}, &renderer->shade_program,
-                           diag);
+        r = program_create(
+            &(struct program_params){.name = facts->software ? "shade" : "shade_compute",
+                                     .shared = "shade.glsl"},
+            &renderer->shade_program, diag);
     if (r == 0)
         r = create_framebuffers(renderer, diag);
     if (r < 0)
@@ -141,6 +145,7 @@ int renderer_create(const struct renderer_params *params, const struct gl_facts 
         return r;
     }
     create_scene_buffer(renderer);
+    glCreateVertexArrays(1, &renderer->empty_array);
     glCreateQueries(GL_TIME_ELAPSED, 1, &renderer->time_query);
     glCreateQueries(GL_TIMESTAMP, PASS_MARKS, renderer->pass_queries);
     glCreateQueries(GL_PRIMITIVES_GENERATED, 1, &renderer->triangle_query);
@@ -159,6 +164,7 @@ void renderer_destroy(struct renderer *renderer)
     loader_stop(renderer->loader);
     clipmap_pass_destroy(renderer->clipmap);
     glDeleteProgram(renderer->shade_program);
+    glDeleteVertexArrays(1, &renderer->empty_array);
     glDeleteFramebuffers(1, &renderer->framebuffer);
     glDeleteFramebuffers(1, &renderer->geometry_framebuffer);
     glDeleteTextures(1, &renderer->colour);
@@ -244,6 +250,25 @@ static void begin_pass(struct renderer *renderer, enum pass pass, const char *na
         glPushDebugGroup(GL_DEBUG_SOURCE_APPLICATION, pass, -1, name);
 }
 
+/* The terrain pass left the clipmap's textures bound. */
+static void shade(struct renderer *renderer)
+{
+    glBindTextureUnit(3, renderer->depth);
+    glUseProgram(renderer->shade_program);
+    if (renderer->shade_in_compute) {
+        glBindImageTexture(0, renderer->colour, 0, GL_FALSE, 0, GL_WRITE_ONLY, GL_RGBA8);
+        glDispatchCompute((GLuint)(renderer->width + SHADE_GROUP - 1) / SHADE_GROUP,
+                          (GLuint)(renderer->height + SHADE_GROUP - 1) / SHADE_GROUP, 1);
+        glMemoryBarrier(GL_FRAMEBUFFER_BARRIER_BIT | GL_PIXEL_BUFFER_BARRIER_BIT);
+    } else {
+        glBindFramebuffer(GL_FRAMEBUFFER, renderer->framebuffer);
+        glDisable(GL_DEPTH_TEST);
+        glBindVertexArray(renderer->empty_array);
+        glDrawArrays(GL_TRIANGLES, 0, 3);
+        glEnable(GL_DEPTH_TEST);
+    }
+}
+
 void renderer_draw(struct renderer *renderer, struct view *view)
 {
     renderer->frame = (struct renderer_frame){0};
@@ -269,12 +294,7 @@ void renderer_draw(struct renderer *renderer, struct view *view)
         draw_terrain(renderer, view, scene);
     glEndQuery(GL_PRIMITIVES_GENERATED);
     begin_pass(renderer, PASS_SHADE, "shade");
-    glBindTextureUnit(3, renderer->depth);
-    glUseProgram(renderer->shade_program);
-    glBindImageTexture(0, renderer->colour, 0, GL_FALSE, 0, GL_WRITE_ONLY, GL_RGBA8);
-    glDispatchCompute((GLuint)(renderer->width + SHADE_GROUP - 1) / SHADE_GROUP,
-                      (GLuint)(renderer->height + SHADE_GROUP - 1) / SHADE_GROUP, 1);
-    glMemoryBarrier(GL_FRAMEBUFFER_BARRIER_BIT | GL_PIXEL_BUFFER_BARRIER_BIT);
+    shade(renderer);
     begin_pass(renderer, PASSES, NULL);
     glEndQuery(GL_TIME_ELAPSED);
     glFlush();

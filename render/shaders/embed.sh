@@ -4,13 +4,21 @@
 set -eu
 validator=$1 output=$2
 shift 2
-for file; do
-    case $file in */common.glsl) common=$file ;; esac
-done
+
+# The shared text that goes before a stage: common.glsl, and shade.glsl for the shading passes.
+shared_of()
+{
+    folder=$(dirname "$1")
+    case ${1##*/} in
+    shade*) cat "$folder/common.glsl" "$folder/shade.glsl" ;;
+    *) cat "$folder/common.glsl" ;;
+    esac
+}
+
 for file; do
     case $file in *.glsl) continue ;; esac
     stage=${file##*.}
-    { echo '#version 450 core'; echo "#define INSTANCES 1"; cat "$common" "$file"; } |
+    { echo '#version 450 core'; echo '#define INSTANCES 1'; shared_of "$file"; cat "$file"; } |
         "$validator" --stdin -S "$stage" >"$output.log" 2>&1 ||
         { echo "$file:" >&2; cat "$output.log" >&2; exit 1; }
 done

@@ -1,13 +1,10 @@
 // Shades every pixel once, from the depth that the terrain pass drew: sky where there is none, else
 // land and water from slopes, altitude and noise fixed to the ground. The cost of a frame's shading
 // is thus the same whatever the geometry.
-layout(local_size_x = 8, local_size_y = 8) in;
 
 layout(binding = 1) uniform sampler2DArray surfaces; // slope east, slope north, water, altitude km
 layout(binding = 2) uniform sampler2D ground;        // tiling: slope x, slope y, two noises
 layout(binding = 3) uniform sampler2D depths;        // near / distance along the view axis
-
-layout(binding = 0, rgba8) writeonly uniform image2D picture;
 
 // Slopes, water and altitude at a place on the finest grid, from the level that covers it, blended
 // into the next as the geometry is. The storage is toroidal, so a post's texel follows from its
@@ -121,13 +118,9 @@ vec3 ground_radiance(vec3 enu, vec3 view, float distance_m)
     return radiance;
 }
 
-void main()
+// What a pixel shows whose ray goes through `tangent` of the view. `depth` is near over distance.
+vec3 shaded(vec2 tangent, float depth)
 {
-    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy), size = imageSize(picture);
-    if (pixel.x >= size.x || pixel.y >= size.y)
-        return;
-    float depth = texelFetch(depths, pixel, 0).r;
-    vec2 tangent = mix(scene.view_rays[0].xy, scene.view_rays[0].zw, (vec2(pixel) + 0.5) / vec2(size));
     vec3 ray = mat3(scene.enu_from_eye) * vec3(tangent, -1.0);
     float ray_length = length(ray);
     vec3 view = ray / ray_length;
@@ -144,5 +137,5 @@ void main()
         float clear = transmittance(distance_m, rise_m);
         radiance = mix(sky_colour(vec3(view.xy, 0.0)), ground_radiance(enu, view, distance_m), clear);
     }
-    imageStore(picture, pixel, vec4(displayed(radiance), 1.0));
+    return displayed(radiance);
 }

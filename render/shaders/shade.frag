@@ -1,0 +1,9 @@
+// The shading pass on a software rasteriser: one triangle over the whole screen.
+in vec2 tangent;
+
+layout(location = 0) out vec4 colour;
+
+void main()
+{
+    colour = vec4(shaded(tangent, texelFetch(depths, ivec2(gl_FragCoord.xy), 0).r), 1.0);
+}
