@@ -127,6 +127,7 @@ int renderer_create(const struct renderer_params *params, const struct gl_facts 
     renderer->width = params->width;
     renderer->height = params->height;
     renderer->shape = params->shape;
+    renderer->shade_in_compute = !facts->software;
     renderer->debug_groups = facts->debug;
     int r = clipmap_pass_create(&params->shape, facts, &renderer->clipmap, diag);
     if (r == 0)

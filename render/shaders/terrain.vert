@@ -15,12 +15,13 @@ void main()
     block_out.level = in_level;
     block_out.bounds = in_bounds;
 #if INSTANCES > 1
-    // The hardware tessellates 64 segments at most: each instance is one part of a longer block.
+    // Each instance is one piece of a block wider than 32 cells (whose doubled edge has 64 segments);
+    // of a block one cell wide all but one piece across are empty.
     ivec2 part = ivec2(gl_InstanceID % INSTANCES, gl_InstanceID / INSTANCES);
     ivec2 from = in_block.zw * part / INSTANCES, to = in_block.zw * (part + 1) / INSTANCES;
     block_out.block = ivec4(in_block.xy + from, to - from);
-    int keep = (part.x == 0 ? 1 : 0) | (part.y == 0 ? 2 : 0) |
-               (part.x == INSTANCES - 1 ? 4 : 0) | (part.y == INSTANCES - 1 ? 8 : 0);
+    int keep = (from.x == 0 ? 1 : 0) | (from.y == 0 ? 2 : 0) |
+               (to.x == in_block.z ? 4 : 0) | (to.y == in_block.w ? 8 : 0);
     block_out.level.y = in_level.y & keep;
 #endif
 }
