@@ -6,6 +6,8 @@
 
 #include "terrain/import_raster.h"
 
+#define ALIGNED_PIXELS 1e-3 /* how far off a grid a whole raster may run: rounded headers */
+
 struct raster {
     GDALDatasetH dataset;
     GDALRasterBandH band;
