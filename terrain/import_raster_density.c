@@ -41,8 +41,10 @@ bool raster_is_exact(const struct raster *raster, const struct grid *grid)
     return true;
 }
 
-/* The raster's finer resolution at its middle, as posts per degree of latitude. */
-static double natural_density(const struct raster *raster)
+/* The distances between the raster's columns and between its rows at its middle, as degrees of
+ * latitude, and that latitude. False where the middle has no place. */
+static bool spacing_at_middle(const struct raster *raster, double *ret_x_deg, double *ret_y_deg,
+                              double *ret_lat_deg)
 {
     const struct raster_facts *facts = &raster->facts;
     double x = raster->west + raster->dx * (facts->width / 2), x2 = x + raster->dx, x3 = x;
@@ -50,11 +52,46 @@ static double natural_density(const struct raster *raster)
     if (raster->to_lonlat && (!OCTTransform(raster->to_lonlat, 1, &x, &y, NULL) ||
                               !OCTTransform(raster->to_lonlat, 1, &x2, &y2, NULL) ||
                               !OCTTransform(raster->to_lonlat, 1, &x3, &y3, NULL)))
-        return 1200.0;
+        return false;
     double across = cos(y * M_PI / 180.0);
-    double along_x = hypot(remainder(x2 - x, 360.0) * across, y2 - y);
-    double along_y = hypot(remainder(x3 - x, 360.0) * across, y3 - y);
-    return 1.0 / fmax(fmin(along_x, along_y), 1e-9);
+    *ret_x_deg = hypot(remainder(x2 - x, 360.0) * across, y2 - y);
+    *ret_y_deg = hypot(remainder(x3 - x, 360.0) * across, y3 - y);
+    *ret_lat_deg = y;
+    return true;
+}
+
+/* The raster's finer resolution at its middle, as posts per degree of latitude. */
+static double natural_density(const struct raster *raster)
+{
+    double x_deg, y_deg, lat_deg;
+    if (!spacing_at_middle(raster, &x_deg, &y_deg, &lat_deg))
+        return 1200.0;
+    return 1.0 / fmax(fmin(x_deg, y_deg), 1e-9);
+}
+
+/* Degrees of longitude between posts of the finest level at a latitude. */
+static double post_lon_step_deg(const struct grid *grid, double lat_deg)
+{
+    int32_t row = (int32_t)floor(fabs(lat_deg) * grid->posts_per_degree / TILE_CELLS);
+    int32_t last = grid_tile_rows_to_pole(grid, 0) - 1;
+    return grid_lon_step_deg(grid, 0, grid_lon_shift(grid, 0, row < last ? row : last));
+}
+
+int raster_averaging_factor(const struct raster *raster, const struct grid *grid)
+{
+    const struct raster_facts *facts = &raster->facts;
+    double north_deg = grid_lat_step_deg(grid, 0), pixels = 1.0, x_deg, y_deg, lat_deg;
+    if (facts->geographic) {
+        double nearest = fmax(fmax(facts->south_deg, -facts->north_deg), 0.0);
+        pixels =
+            fmin(post_lon_step_deg(grid, nearest) / fabs(raster->dx), north_deg / fabs(raster->dy));
+    } else if (spacing_at_middle(raster, &x_deg, &y_deg, &lat_deg)) {
+        /* Between two changes of the grid's columns east is at least half of north. */
+        double east_deg = post_lon_step_deg(grid, lat_deg) * cos(lat_deg * M_PI / 180.0);
+        pixels = fmin(fmax(east_deg, 0.5 * north_deg), north_deg) / fmax(fmax(x_deg, y_deg), 1e-9);
+    }
+    int32_t side = facts->width < facts->height ? facts->width : facts->height;
+    return raster->periodic || pixels < 2.0 - 1e-3 ? 1 : (int)fmin(pixels + 1e-3, side);
 }
 
 int32_t raster_posts_per_degree(const struct raster *raster)
