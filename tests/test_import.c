@@ -107,6 +107,77 @@ static void test_again(void)
     CHECK_CONTAINS(output, "--max-error 0.5");
 }
 
+static double pond(double lon, double lat)
+{
+    return lon < 10.3 ? -99.0 : 100.0;
+}
+
+static void expect_pond(double height_m)
+{
+    struct terrain_source *source = open_source(in("pond.db"));
+    if (!source)
+        return;
+    double found = height_at(source, 45.5, 10.1);
+    CHECK(isnan(height_m) ? isnan(found) : fabs(found - height_m) < 0.02);
+    CHECK(height_at(source, 45.5, 10.6) > 40.0);
+    struct database_info info;
+    struct diag diag;
+    CHECK_INT(database_info(database_of_source(source), &info, &diag), 0);
+    CHECK_INT(info.source_count, 2);
+    database_info_finish(&info);
+    terrain_source_destroy(source);
+    CHECK_INT(verify(in("pond.db")), 0);
+}
+
+/* Only of the same file: the raster beside it stays. */
+static void test_again_otherwise(void)
+{
+    struct made made = ten_east;
+    made.nodata = NAN;
+    make_raster(in("pond.tif"), &made, pond);
+    made.west += 1.0;
+    make_raster(in("bank.tif"), &made, hundred);
+    check_run(run("\x27%s\x27 \x27%s\x27 -o \x27%s\x27 -q", in("bank.tif"), in("pond.tif"),
+                  in("pond.db")),
+              0);
+    expect_pond(-99.0);
+    check_run(run("\x27%s\x27 -o \x27%s\x27 --nodata -99 --json -q", in("pond.tif"), in("pond.db")),
+              0);
+    CHECK_CONTAINS(output, "\"sources_skipped\": 0");
+    expect_pond(NAN);
+    check_run(run("\x27%s\x27 -o \x27%s\x27 --nodata -99 --json -q", in("pond.tif"), in("pond.db")),
+              0);
+    CHECK_CONTAINS(output, "\"sources_skipped\": 1");
+    check_run(run("\x27%s\x27 -o \x27%s\x27 -q", in("pond.tif"), in("pond.db")), 0);
+    expect_pond(-99.0);
+    setenv("XDG_CACHE_HOME", directory, 1);
+    check_run(run("\x27%s\x27 -o \x27%s\x27 -q --vertical ellipsoid --nodata -99", in("pond.tif"),
+                  in("pond.db")),
+              0);
+    expect_pond(NAN);
+    struct terrain_source *source = open_source(in("pond.db"));
+    CHECK(source && height_at(source, 45.5, 10.6) < 70.0);
+    terrain_source_destroy(source);
+}
+
+/* The first try lays the raster at a place where it does not lie; nothing of it must remain. */
+static void test_again_elsewhere(void)
+{
+    struct made made = {200, 200, 500000.0, 5230000.0, 100.0, -100.0, 0, GDT_Float32, NAN, 0.0};
+    make_raster(in("zone.tif"), &made, hundred);
+    check_run(run("\x27%s\x27 -o \x27%s\x27 -q --crs EPSG:32632", in("zone.tif"), in("zone.db")),
+              0);
+    check_run(run("\x27%s\x27 -o \x27%s\x27 -q --crs EPSG:32633", in("zone.tif"), in("zone.db")),
+              0);
+    struct terrain_source *source = open_source(in("zone.db"));
+    if (!source)
+        return;
+    CHECK(isnan(height_at(source, 47.13, 9.13)));
+    CHECK_NEAR(height_at(source, 47.13, 15.13), 100.0, 0.02);
+    terrain_source_destroy(source);
+    CHECK_INT(verify(in("zone.db")), 0);
+}
+
 static void test_same_bytes(void)
 {
     check_run(run("'%s' -o '%s' -q --jobs 1", in("hills.tif"), in("one.db")), 0);
@@ -394,6 +465,8 @@ static void test_failed_addition(void)
 static const struct check_test tests[] = {
     {"posts of a geographic raster are stored exactly", test_exact},
     {"a source that is there already is skipped", test_again},
+    {"a source that is read otherwise replaces itself", test_again_otherwise},
+    {"a source that is laid elsewhere leaves nothing behind", test_again_elsewhere},
     {"the bytes do not depend on the number of threads", test_same_bytes},
     {"higher priority covers, its voids are filled from below", test_priority},
     {"a projected raster keeps the bound", test_projected},
