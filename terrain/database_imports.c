@@ -62,6 +62,18 @@ int database_set_import_progress(struct database *database, int id, uint64_t til
     return r;
 }
 
+int database_drop_import(struct database *database, int id, struct diag *diag)
+{
+    sqlite3_stmt *statement = NULL;
+    int r = database_sql_prepare(database, "DELETE FROM sources WHERE id = ?1", &statement, diag);
+    if (r == 0) {
+        sqlite3_bind_int(statement, 1, id);
+        r = database_sql_step(database, statement, "dropping a source", diag);
+    }
+    sqlite3_finalize(statement);
+    return r;
+}
+
 static void copy_text(char *ret_text, size_t size, sqlite3_stmt *row, int column)
 {
     const unsigned char *text = sqlite3_column_text(row, column);

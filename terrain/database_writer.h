@@ -58,10 +58,13 @@ int database_read_record(struct database *database, struct tile_id id,
 int database_write_record(struct database *database, const struct tile_record *record,
                           struct diag *diag);
 
-/* The table of sources. `key` tells the same raster from another (path, size, time). */
+/* The table of sources. `key` tells the same raster from another: its path, size and time, and the
+ * options that it was read with. */
+#define DATABASE_KEY_MAX (DATABASE_NAME_MAX + 160)
+
 struct database_import {
     int id; /* 1-based */
-    char key[DATABASE_NAME_MAX + 64];
+    char key[DATABASE_KEY_MAX];
     struct database_source_info info;
     uint64_t tiles_done, tiles_total; /* equal: finished */
 };
@@ -71,6 +74,8 @@ int database_add_import(struct database *database, struct database_import *impor
                         struct diag *diag);
 int database_set_import_progress(struct database *database, int id, uint64_t tiles_done,
                                  struct diag *diag);
+/* Takes a source off the table; no tile may name it as an origin any more. */
+int database_drop_import(struct database *database, int id, struct diag *diag);
 /* All sources in the order of import; the caller frees. */
 int database_list_imports(struct database *database, struct database_import **ret_imports,
                           size_t *ret_count, struct diag *diag);

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
+#include <zlib.h>
 
 #include "geo/egm96.h"
 #include "terrain/import_internal.h"
@@ -31,17 +32,40 @@ int import_vertical_from_name(const char *name, enum import_vertical *ret_vertic
     return -EINVAL;
 }
 
+/* The options that change what is read from a file; none adds nothing. A system of coordinates may
+ * be a page of text: its sum stands for it. */
+static void add_options_to_key(const struct import_params *params, char *key, size_t size)
+{
+    size_t used = strlen(key);
+    if (params->crs) {
+        uLong sum = crc32(0, (const Bytef *)params->crs, (uInt)strlen(params->crs));
+        used += (size_t)snprintf(key + used, size - used, " crs=%08lx", sum);
+    }
+    if (params->nodata)
+        snprintf(key + used, size - used, " nodata=%.17g", *params->nodata);
+}
+
 static int fill_key(const struct import_job *job, struct import_source *source, struct diag *diag)
 {
     int64_t time_s;
     if (raster_file_state(source->path, &source->bytes, &time_s) < 0)
         return diag_set(diag, -ENOENT, "%s: No such file or directory", source->path);
     char *real = realpath(source->path, NULL);
-    snprintf(source->key, sizeof(source->key), "%s %llu %lld %s %d", real ? real : source->path,
-             (unsigned long long)source->bytes, (long long)time_s,
-             import_vertical_name(job->params->vertical), job->params->priority);
+    const char *path = real ? real : source->path;
+    int r = strlen(path) < DATABASE_NAME_MAX
+                ? 0
+                : diag_set(diag, -ENAMETOOLONG, "%s: the name is too long", path);
+    if (r == 0) {
+        source->key_file_length = (size_t)snprintf(
+            source->key, sizeof(source->key), "%.*s %llu %lld ", DATABASE_NAME_MAX - 1, path,
+            (unsigned long long)source->bytes, (long long)time_s);
+        snprintf(source->key + source->key_file_length,
+                 sizeof(source->key) - source->key_file_length, "%s %d",
+                 import_vertical_name(job->params->vertical), job->params->priority);
+        add_options_to_key(job->params, source->key, sizeof(source->key));
+    }
     free(real);
-    return 0;
+    return r;
 }
 
 struct expansion {
@@ -68,6 +92,14 @@ static int add_source(void *user, const char *path)
     return fill_key(job, source, expansion->diag);
 }
 
+/* One of ours goes on with an import, or takes the place of one that read the same file otherwise.
+ */
+static bool ends_import(const struct import_source *source, const struct database_import *import)
+{
+    return strcmp(import->key, source->key) == 0 ||
+           (!source->done && strncmp(import->key, source->key, source->key_file_length) == 0);
+}
+
 /* The sources that the database knows, for this run: those that are done need no reading, and one
  * that is not must be among ours. */
 static int compare_with_database(struct import_job *job, struct diag *diag)
@@ -75,13 +107,16 @@ static int compare_with_database(struct import_job *job, struct diag *diag)
     struct database_import *imports = NULL;
     size_t count = 0;
     int r = database_list_imports(job->database, &imports, &count, diag);
-    for (size_t i = 0; r == 0 && i < count; i++) {
-        bool ours = false, unfinished = imports[i].tiles_done < imports[i].tiles_total;
+    for (size_t i = 0; r == 0 && i < count; i++)
         for (size_t s = 0; s < job->source_count; s++)
             if (strcmp(imports[i].key, job->sources[s].key) == 0) {
-                ours = true;
                 job->sources[s].scanned = true;
+                job->sources[s].done = imports[i].tiles_done >= imports[i].tiles_total;
             }
+    for (size_t i = 0; r == 0 && i < count; i++) {
+        bool ours = false, unfinished = imports[i].tiles_done < imports[i].tiles_total;
+        for (size_t s = 0; unfinished && s < job->source_count; s++)
+            ours |= ends_import(&job->sources[s], &imports[i]);
         if (unfinished && !ours)
             r = diag_set(diag, -EINVAL,
                          "%s holds an unfinished import of %s: run that one again first, or remove "

@@ -4,6 +4,10 @@
  * taken for elevation, or a raster without data is found while there is nothing to undo. Then tile
  * after tile is sampled, laid over (or under) what the database has there, and stored; what is done
  * is recorded with it, so an import that was stopped anywhere goes on there when it is run again.
+ *
+ * A file that is there already, unchanged and read with the same options, is skipped. Read with
+ * others (vertical, crs, nodata, priority) it replaces what it gave before; what had been covered
+ * by that is not known any more.
  */
 #pragma once
 

@@ -11,10 +11,12 @@
 /* One raster of the command line. */
 struct import_source {
     char path[DATABASE_NAME_MAX];
-    char key[DATABASE_NAME_MAX + 64];
+    char key[DATABASE_KEY_MAX]; /* the file, then how it is read */
+    size_t key_file_length;     /* of the key: what names the file and its state */
     struct raster_facts facts;
     uint64_t bytes;
-    bool scanned;
+    bool scanned; /* in the database already, and so read before */
+    bool done;
 };
 
 /* Whose heights become EGM96 ones. One geoid handle serves one thread. */

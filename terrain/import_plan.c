@@ -89,3 +89,29 @@ int import_plan_tiles(const struct grid *grid, double south_deg, double west_deg
     *ret_count = plan.count;
     return 0;
 }
+
+static int by_place(const void *a, const void *b)
+{
+    const struct tile_id *x = a, *y = b;
+    return x->row != y->row ? (x->row < y->row) - (x->row > y->row)
+                            : (x->col > y->col) - (x->col < y->col);
+}
+
+int import_plan_join(struct tile_id **tiles, size_t *count, const struct tile_id *more,
+                     size_t more_count)
+{
+    if (more_count == 0)
+        return 0;
+    struct tile_id *joined = realloc(*tiles, (*count + more_count) * sizeof(*joined));
+    if (!joined)
+        return -ENOMEM;
+    *tiles = joined;
+    memcpy(joined + *count, more, more_count * sizeof(*joined));
+    qsort(joined, *count + more_count, sizeof(*joined), by_place);
+    size_t kept = 0;
+    for (size_t i = 0; i < *count + more_count; i++)
+        if (kept == 0 || by_place(&joined[kept - 1], &joined[i]) != 0)
+            joined[kept++] = joined[i];
+    *count = kept;
+    return 0;
+}

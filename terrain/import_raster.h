@@ -47,7 +47,9 @@ int raster_scan(struct raster *raster, bool (*progress)(void *user, uint64_t don
 
 /* Heights (in the raster's own vertical reference, metres) at all posts of a tile; NaN outside and
  * where the raster has none. A post within 1e-6 pixels of a pixel's centre is that pixel; others
- * are bilinear. */
+ * are bilinear. Where the raster is at least twice as fine as the grid, averages of square blocks
+ * of pixels, counted from the first one, stand for the pixels. A post has the same height whichever
+ * tile it is asked for with. */
 int raster_sample_tile(struct raster *raster, const struct grid *grid, struct tile_id id,
                        float *ret_heights_m, struct diag *diag);
 

@@ -6,6 +6,8 @@
 
 #include "terrain/import_raster.h"
 
+#define ALIGNED_PIXELS 1e-3 /* how far off a grid a whole raster may run: rounded headers */
+
 struct raster {
     GDALDatasetH dataset;
     GDALRasterBandH band;
@@ -19,3 +21,8 @@ struct raster {
     size_t window_capacity;
     char path[512];
 };
+
+/* How many pixels a side are averaged into one before sampling on this grid: as many as lie between
+ * two of its posts, 1 where the raster is not twice as fine. The same for all tiles, so that those
+ * that share a post see one value. */
+int raster_averaging_factor(const struct raster *raster, const struct grid *grid);

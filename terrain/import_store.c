@@ -13,6 +13,13 @@
 
 #define BATCH 64
 
+/* What becomes of a source's heights where this one comes. */
+enum fate {
+    FATE_STAY,
+    FATE_COVERED,  /* where this one has data */
+    FATE_REPLACED, /* everywhere: the same file, read with other options */
+};
+
 /* A tile on its way: the record read from the database becomes the one to write. */
 struct work_item {
     struct tile_record record;
@@ -23,7 +30,7 @@ struct batch {
     struct import_job *job;
     struct raster **rasters; /* one a worker */
     struct work_item *items;
-    const uint8_t *priority_wins; /* by source id: 1 where this source covers it */
+    const uint8_t *fates; /* enum fate by source id */
     uint16_t id;
     pthread_mutex_t lock;
     struct diag diag; /* of the first failure */
@@ -64,7 +71,13 @@ static int merge_tile(struct batch *batch, struct work_item *item, float *height
             r = tile_record_origins(&item->record, origin);
     }
     for (int i = 0; r == 0 && i < TILE_POST_COUNT; i++) {
-        if (isnan(new_heights_m[i]) || (!isnan(heights_m[i]) && !batch->priority_wins[origin[i]]))
+        if (!isnan(heights_m[i]) && batch->fates[origin[i]] == FATE_REPLACED) {
+            heights_m[i] = NAN;
+            origin[i] = 0;
+            changed = 1;
+        }
+        if (isnan(new_heights_m[i]) ||
+            (!isnan(heights_m[i]) && batch->fates[origin[i]] == FATE_STAY))
             continue;
         heights_m[i] = new_heights_m[i];
         origin[i] = batch->id;
@@ -111,7 +124,18 @@ static int run_item(void *user, unsigned worker, unsigned index)
     return r;
 }
 
-static int write_batch(struct batch *batch, unsigned count, uint64_t done, struct diag *diag)
+/* With the last of its tiles a replaced source is gone. */
+static int drop_replaced(struct batch *batch, struct diag *diag)
+{
+    int r = 0;
+    for (int id = 1; r == 0 && id <= DATABASE_SOURCES_MAX; id++)
+        if (batch->fates[id] == FATE_REPLACED)
+            r = database_drop_import(batch->job->database, id, diag);
+    return r;
+}
+
+static int write_batch(struct batch *batch, unsigned count, uint64_t done, bool last,
+                       struct diag *diag)
 {
     struct import_job *job = batch->job;
     int r = database_begin(job->database, diag);
@@ -122,6 +146,8 @@ static int write_batch(struct batch *batch, unsigned count, uint64_t done, struc
         }
     if (r == 0)
         r = database_set_import_progress(job->database, batch->id, done, diag);
+    if (r == 0 && last)
+        r = drop_replaced(batch, diag);
     if (r == 0)
         return database_commit(job->database, diag);
     database_rollback(job->database);
@@ -129,7 +155,7 @@ static int write_batch(struct batch *batch, unsigned count, uint64_t done, struc
 }
 
 static int store_batch(struct batch *batch, const struct tile_id *tiles, unsigned count,
-                       uint64_t done, struct diag *diag)
+                       uint64_t done, bool last, struct diag *diag)
 {
     int r = 0;
     for (unsigned i = 0; r >= 0 && i < count; i++) {
@@ -143,7 +169,7 @@ static int store_batch(struct batch *batch, const struct tile_id *tiles, unsigne
     r = parallel_run(batch->job->jobs, count, run_item, batch);
     if (r < 0)
         return diag_set(diag, r, "%s", batch->diag.text);
-    return write_batch(batch, count, done, diag);
+    return write_batch(batch, count, done, last, diag);
 }
 
 static int store_tiles(struct batch *batch, const struct import_source *source,
@@ -155,7 +181,7 @@ static int store_tiles(struct batch *batch, const struct import_source *source,
     for (uint64_t done = import->tiles_done; r == 0 && done < import->tiles_total;) {
         uint64_t left = import->tiles_total - done;
         unsigned count = left < BATCH ? (unsigned)left : BATCH;
-        r = store_batch(batch, tiles + done, count, done + count, diag);
+        r = store_batch(batch, tiles + done, count, done + count, left == count, diag);
         done += count;
         if (r == 0 && params->progress &&
             params->progress(params->user, IMPORT_STORING, source->path, done, import->tiles_total))
@@ -164,32 +190,54 @@ static int store_tiles(struct batch *batch, const struct import_source *source,
     return r;
 }
 
-/* The source's row in the database: the one that an earlier run left, or a new one. Fills
- * `wins`, which says by source id what this one covers. */
-static int find_or_add(struct import_job *job, const struct import_source *source, size_t tiles,
-                       struct database_import *import, uint8_t *wins, struct diag *diag)
+static int plan_also(const struct grid *grid, const struct database_source_info *info,
+                     struct tile_id **tiles, size_t *count)
+{
+    struct tile_id *more = NULL;
+    size_t more_count = 0;
+    int r = import_plan_tiles(grid, info->south_deg, info->west_deg, info->north_deg,
+                              info->east_deg, &more, &more_count);
+    if (r == 0)
+        r = import_plan_join(tiles, count, more, more_count);
+    free(more);
+    return r;
+}
+
+/* What the database knows: this source's row, where an earlier run left one (import->id, else 0),
+ * and what becomes of the others, by id. Tiles of sources that this one replaces join the list,
+ * unless it is done. */
+static int compare_with_imports(const struct import_job *job, const struct import_source *source,
+                                struct database_import *import, uint8_t *fates,
+                                struct tile_id **tiles, size_t *tile_count, struct diag *diag)
 {
     struct database_import *imports = NULL;
     size_t count = 0;
     int r = database_list_imports(job->database, &imports, &count, diag);
-    bool found = false;
-    wins[0] = 1;
-    for (size_t i = 0; r == 0 && i < count; i++) {
-        wins[imports[i].id] = imports[i].info.priority <= job->params->priority;
-        if (strcmp(imports[i].key, source->key) == 0) {
+    memset(fates, FATE_COVERED, DATABASE_SOURCES_MAX + 1);
+    for (size_t i = 0; r == 0 && i < count; i++)
+        if (strcmp(imports[i].key, source->key) == 0)
             *import = imports[i];
-            found = true;
+    bool done = import->id && import->tiles_done >= import->tiles_total;
+    for (size_t i = 0; r == 0 && i < count; i++) {
+        const struct database_import *other = &imports[i];
+        if (other->id != import->id && !done &&
+            strncmp(other->key, source->key, source->key_file_length) == 0) {
+            fates[other->id] = FATE_REPLACED;
+            r = plan_also(database_grid(job->database), &other->info, tiles, tile_count);
+        } else if (other->info.priority > job->params->priority) {
+            fates[other->id] = FATE_STAY;
         }
     }
     free(imports);
-    if (r < 0)
-        return r;
-    if (found) {
-        if (import->tiles_total == tiles)
-            return 0;
+    if (r == 0 && import->id && !done && import->tiles_total != *tile_count)
         return diag_set(diag, -EINVAL, "%s: what the database recorded of it does not fit it",
                         source->path);
-    }
+    return r;
+}
+
+static int add_to_database(struct import_job *job, const struct import_source *source, size_t tiles,
+                           struct database_import *import, struct diag *diag)
+{
     import->tiles_done = 0;
     import->tiles_total = tiles;
     snprintf(import->key, sizeof(import->key), "%s", source->key);
@@ -204,15 +252,12 @@ static int find_or_add(struct import_job *job, const struct import_source *sourc
     import->info.west_deg = source->facts.west_deg;
     import->info.north_deg = source->facts.north_deg;
     import->info.east_deg = source->facts.east_deg;
-    r = database_begin(job->database, diag);
+    int r = database_begin(job->database, diag);
     if (r == 0)
         r = database_add_import(job->database, import, diag);
     if (r == 0)
-        r = database_commit(job->database, diag);
-    else
-        database_rollback(job->database);
-    if (r == 0)
-        wins[import->id] = 1;
+        return database_commit(job->database, diag);
+    database_rollback(job->database);
     return r;
 }
 
@@ -225,10 +270,10 @@ int import_store_source(struct import_job *job, size_t index, struct diag *diag)
     struct tile_id *tiles = NULL;
     size_t count = 0;
     struct batch batch = {.job = job, .rasters = rasters, .lock = PTHREAD_MUTEX_INITIALIZER};
-    uint8_t *wins = calloc(DATABASE_SOURCES_MAX + 1, 1);
+    uint8_t *fates = malloc(DATABASE_SOURCES_MAX + 1);
     batch.items = malloc(BATCH * sizeof(*batch.items));
-    batch.priority_wins = wins;
-    int r = wins && batch.items ? 0 : -ENOMEM;
+    batch.fates = fates;
+    int r = fates && batch.items ? 0 : -ENOMEM;
     for (unsigned i = 0; r == 0 && i < job->jobs; i++)
         r = raster_open(source->path, &job->options, &rasters[i], diag);
     if (r == 0) {
@@ -239,7 +284,9 @@ int import_store_source(struct import_job *job, size_t index, struct diag *diag)
                               source->facts.north_deg, source->facts.east_deg, &tiles, &count);
     }
     if (r == 0)
-        r = find_or_add(job, source, count, &import, wins, diag);
+        r = compare_with_imports(job, source, &import, fates, &tiles, &count, diag);
+    if (r == 0 && !import.id)
+        r = add_to_database(job, source, count, &import, diag);
     if (r == 0 && import.tiles_done >= import.tiles_total) {
         job->result.skipped++;
     } else if (r == 0) {
@@ -252,6 +299,6 @@ int import_store_source(struct import_job *job, size_t index, struct diag *diag)
         raster_close(rasters[i]);
     free(tiles);
     free(batch.items);
-    free(wins);
+    free(fates);
     return r;
 }

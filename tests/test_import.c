@@ -78,6 +78,11 @@ static double slope_utm(double x, double y)
     return 0.01 * (x - 500000.0) + 0.02 * (y - 5200000.0);
 }
 
+static double ripples(double x, double y)
+{
+    return 700.0 + 300.0 * sin(x / 400.0) * cos(y / 300.0);
+}
+
 static const struct made ten_east = {
     241,        241,  10.0 - 1 / 480.0, 46.0 + 1 / 480.0, 1 / 240.0,
     -1 / 240.0, 4326, GDT_Int16,        -9999.0,          0.0};
@@ -100,6 +105,77 @@ static void test_again(void)
     CHECK_INT(verify(in("hills.db")), 0);
     check_run(run("'%s' -o '%s' --max-error 3", in("hills.tif"), in("hills.db")), 64);
     CHECK_CONTAINS(output, "--max-error 0.5");
+}
+
+static double pond(double lon, double lat)
+{
+    return lon < 10.3 ? -99.0 : 100.0;
+}
+
+static void expect_pond(double height_m)
+{
+    struct terrain_source *source = open_source(in("pond.db"));
+    if (!source)
+        return;
+    double found = height_at(source, 45.5, 10.1);
+    CHECK(isnan(height_m) ? isnan(found) : fabs(found - height_m) < 0.02);
+    CHECK(height_at(source, 45.5, 10.6) > 40.0);
+    struct database_info info;
+    struct diag diag;
+    CHECK_INT(database_info(database_of_source(source), &info, &diag), 0);
+    CHECK_INT(info.source_count, 2);
+    database_info_finish(&info);
+    terrain_source_destroy(source);
+    CHECK_INT(verify(in("pond.db")), 0);
+}
+
+/* Only of the same file: the raster beside it stays. */
+static void test_again_otherwise(void)
+{
+    struct made made = ten_east;
+    made.nodata = NAN;
+    make_raster(in("pond.tif"), &made, pond);
+    made.west += 1.0;
+    make_raster(in("bank.tif"), &made, hundred);
+    check_run(run("\x27%s\x27 \x27%s\x27 -o \x27%s\x27 -q", in("bank.tif"), in("pond.tif"),
+                  in("pond.db")),
+              0);
+    expect_pond(-99.0);
+    check_run(run("\x27%s\x27 -o \x27%s\x27 --nodata -99 --json -q", in("pond.tif"), in("pond.db")),
+              0);
+    CHECK_CONTAINS(output, "\"sources_skipped\": 0");
+    expect_pond(NAN);
+    check_run(run("\x27%s\x27 -o \x27%s\x27 --nodata -99 --json -q", in("pond.tif"), in("pond.db")),
+              0);
+    CHECK_CONTAINS(output, "\"sources_skipped\": 1");
+    check_run(run("\x27%s\x27 -o \x27%s\x27 -q", in("pond.tif"), in("pond.db")), 0);
+    expect_pond(-99.0);
+    setenv("XDG_CACHE_HOME", directory, 1);
+    check_run(run("\x27%s\x27 -o \x27%s\x27 -q --vertical ellipsoid --nodata -99", in("pond.tif"),
+                  in("pond.db")),
+              0);
+    expect_pond(NAN);
+    struct terrain_source *source = open_source(in("pond.db"));
+    CHECK(source && height_at(source, 45.5, 10.6) < 70.0);
+    terrain_source_destroy(source);
+}
+
+/* The first try lays the raster at a place where it does not lie; nothing of it must remain. */
+static void test_again_elsewhere(void)
+{
+    struct made made = {200, 200, 500000.0, 5230000.0, 100.0, -100.0, 0, GDT_Float32, NAN, 0.0};
+    make_raster(in("zone.tif"), &made, hundred);
+    check_run(run("\x27%s\x27 -o \x27%s\x27 -q --crs EPSG:32632", in("zone.tif"), in("zone.db")),
+              0);
+    check_run(run("\x27%s\x27 -o \x27%s\x27 -q --crs EPSG:32633", in("zone.tif"), in("zone.db")),
+              0);
+    struct terrain_source *source = open_source(in("zone.db"));
+    if (!source)
+        return;
+    CHECK(isnan(height_at(source, 47.13, 9.13)));
+    CHECK_NEAR(height_at(source, 47.13, 15.13), 100.0, 0.02);
+    terrain_source_destroy(source);
+    CHECK_INT(verify(in("zone.db")), 0);
 }
 
 static void test_same_bytes(void)
@@ -140,6 +216,32 @@ static void test_priority(void)
         terrain_source_destroy(source);
         CHECK_INT(verify(in("layers.db")), 0);
     }
+}
+
+/* Rasters many times as fine as the grid: neighbouring tiles, each with a window of its own, must
+ * find the same averages for the posts that they share. */
+static void test_finer_than_grid(void)
+{
+    struct made fine = {3601, 2401, 10.0, 46.0, 1 / 3600.0, -1 / 3600.0, 4326, GDT_Int16, NAN, 0.0};
+    struct made utm = {400, 300, 600000.0, 5060000.0, 90.0, -110.0, 32632, GDT_Float32, NAN, 0.0};
+    struct made north = {1500,        2500, 10.1,      61.0, 1 / 1250.0,
+                         -1 / 1250.0, 4326, GDT_Int16, NAN,  0.0};
+    make_raster(in("big.tif"), &fine, hills);
+    make_raster(in("fine-utm.tif"), &utm, ripples);
+    make_raster(in("fine-north.tif"), &north, hills);
+    check_run(run("'%s' -o '%s' -q", in("hills.tif"), in("coarse.db")), 0);
+    check_run(run("'%s' -o '%s' -q", in("big.tif"), in("coarse.db")), 0);
+    CHECK_INT(verify(in("coarse.db")), 0);
+    struct terrain_source *source = open_source(in("coarse.db"));
+    for (int i = 0; source && i < 150 * 150; i++) {
+        double lat = 45.35 + i / 150 / 240.0, lon = 10.05 + i % 150 / 240.0;
+        CHECK_NEAR(height_at(source, lat, lon), hills(lon, lat), 5.0);
+    }
+    terrain_source_destroy(source);
+    check_run(run("'%s' '%s' -o '%s' -q --max-error 0.5", in("fine-utm.tif"), in("fine-north.tif"),
+                  in("coarse.db")),
+              0);
+    CHECK_INT(verify(in("coarse.db")), 0);
 }
 
 static void test_projected(void)
@@ -292,10 +394,8 @@ static void test_crs_option(void)
 
 static void test_resume(void)
 {
-    struct made made = {3601, 2401, 10.0, 46.0, 1 / 3600.0, -1 / 3600.0, 4326, GDT_Int16, NAN, 0.0};
     struct diag diag = {""};
     struct database *database = NULL;
-    make_raster(in("big.tif"), &made, hills);
     check_run(run("'%s' -o '%s' -q", in("big.tif"), in("whole.db")), 0);
     for (int attempt = 0, interrupted = 0; attempt < 12 && interrupted == 0; attempt++) {
         unlink(in("resumed.db"));
@@ -365,9 +465,12 @@ static void test_failed_addition(void)
 static const struct check_test tests[] = {
     {"posts of a geographic raster are stored exactly", test_exact},
     {"a source that is there already is skipped", test_again},
+    {"a source that is read otherwise replaces itself", test_again_otherwise},
+    {"a source that is laid elsewhere leaves nothing behind", test_again_elsewhere},
     {"the bytes do not depend on the number of threads", test_same_bytes},
     {"higher priority covers, its voids are filled from below", test_priority},
     {"a projected raster keeps the bound", test_projected},
+    {"a raster finer than the grid leaves no seam between tiles", test_finer_than_grid},
     {"a raster across the antimeridian has no seam", test_antimeridian},
     {"ellipsoidal heights become EGM96 ones", test_ellipsoid},
     {"what cannot be imported is named, with the right exit status", test_refusals},

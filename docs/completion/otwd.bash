@@ -2,29 +2,35 @@
 
 _otwd_options() {
     case $1 in
-    run) echo "-c -v --quiet" ;;
+    run) echo "-c --config --quiet --verbose" ;;
     replay)
-        echo "-c --terrain --size --rate --speed --technique --pixel-error --frames --every" \
-            "--video --geo --report --protocol"
+        echo "-c --config --terrain --geoid --size --rate --speed --technique --pixel-error" \
+            "--time-utc --frames --every --video --geo --report --protocol --json --quiet"
         ;;
-    demo) echo "--out" ;;
-    import) echo "-o --max-error --vertical --geoid --crs --nodata --priority --jobs --shard --imagery" ;;
+    demo) echo "--out --no-video --size --rate --quiet" ;;
+    import)
+        echo "-o --output --max-error --vertical --geoid --crs --nodata --priority --jobs" \
+            "--json --quiet --version"
+        ;;
+    info) echo "--json" ;;
+    verify | check-config) echo "--json --quiet" ;;
     height) echo "--datum --normal" ;;
-    send) echo "--to --protocol --rate --speed --jitter-ms --loss --reorder --seed" ;;
-    status) echo "--modbus --unit --timeout-ms" ;;
+    send) echo "--to --protocol --rate --speed --jitter-ms --loss --reorder --seed --quiet" ;;
+    status) echo "--modbus --unit --timeout-ms --json" ;;
     esac
-    echo "--help --version --json --quiet -v"
+    echo "--help"
 }
 
-# The words that an option takes; nothing where it takes a file or free text.
+# The words that a subcommand's option takes; nothing where it takes a file or free text.
 _otwd_values() {
-    case $1 in
-    --technique) echo "clipmap" ;;
-    --protocol) echo "native flightgear canaerospace" ;;
-    --vertical) echo "egm96 egm2008 egm84 ellipsoid" ;;
-    --datum) echo "egm96 ellipsoid" ;;
-    --speed) echo "max" ;;
-    --to) echo "udp:// can: sim:" ;;
+    case $1:$2 in
+    replay:--technique) echo "clipmap" ;;
+    replay:--protocol) echo "native flightgear" ;;
+    replay:--speed) echo "max" ;;
+    import:--vertical) echo "egm96 egm2008 egm84 ellipsoid" ;;
+    height:--datum) echo "egm96 ellipsoid" ;;
+    send:--protocol) echo "native flightgear canaerospace" ;;
+    send:--to) echo "udp:// can: sim:" ;;
     esac
 }
 
@@ -36,7 +42,7 @@ _otwd() {
             check-config --help --version" -- "$current")
         return
     fi
-    values=$(_otwd_values "$previous")
+    values=$(_otwd_values "${COMP_WORDS[1]}" "$previous")
     if [ -n "$values" ]; then
         mapfile -t COMPREPLY < <(compgen -W "$values" -- "$current")
     elif [[ $current == -* ]]; then
