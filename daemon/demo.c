@@ -52,7 +52,7 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
         options->video = false;
         return 0;
     case ARGP_KEY_ARG:
-        argp_error(state, "otwd demo takes no arguments");
+        argp_error(state, "unexpected argument \"%s\"", argument);
         return 0;
     default:
         return ARGP_ERR_UNKNOWN;
