@@ -80,13 +80,8 @@ void channel_destroy(struct channel *channel)
     free(channel);
 }
 
-void channel_expect(struct channel *channel, const struct pose *pose)
-{
-    renderer_wish(channel->renderer, &pose->position);
-}
-
-void channel_draw(struct channel *channel, const struct pose *pose, nsec_t utc_ns, bool complete,
-                  struct channel_frame *ret_frame)
+void channel_draw(struct channel *channel, const struct pose *pose, const struct pose *next,
+                  nsec_t utc_ns, bool complete, struct channel_frame *ret_frame)
 {
     struct view view;
     view_from_pose(pose, &channel->geometry, &view);
@@ -98,6 +93,11 @@ void channel_draw(struct channel *channel, const struct pose *pose, nsec_t utc_n
     view.visibility_m = channel->visibility_m;
     sun_direction_enu(utc_ns, view.eye.lat_deg, view.eye.lon_deg, view.sun_enu);
     renderer_draw(channel->renderer, &view);
+    if (next) {
+        struct view ahead;
+        view_from_pose(next, &channel->geometry, &ahead);
+        renderer_wish(channel->renderer, &ahead.eye);
+    }
     if (channel->window)
         window_show(channel->window, renderer_framebuffer(channel->renderer));
     renderer_finish(channel->renderer, &ret_frame->renderer);

@@ -37,13 +37,12 @@ int channel_create(const struct channel_params *params, struct channel **ret_cha
 /* Legal on NULL. */
 void channel_destroy(struct channel *channel);
 
-/* Tells the terrain loader where the next frame will be seen from. */
-void channel_expect(struct channel *channel, const struct pose *pose);
-
-/* Draws and finishes one frame. `utc_ns` places the sun. With `complete`, first waits until the
- * terrain is all there (replay without a clock); that wait is not part of frame_ms. */
-void channel_draw(struct channel *channel, const struct pose *pose, nsec_t utc_ns, bool complete,
-                  struct channel_frame *ret_frame);
+/* Draws and finishes one frame. `next` is where the following frame will be seen from (NULL =
+ * unknown): the loader works on its terrain while the GPU draws this one. `utc_ns` places the sun.
+ * With `complete`, first waits until the terrain is all there (replay without a clock); that wait
+ * is not part of frame_ms. */
+void channel_draw(struct channel *channel, const struct pose *pose, const struct pose *next,
+                  nsec_t utc_ns, bool complete, struct channel_frame *ret_frame);
 
 void channel_set_visibility(struct channel *channel, double visibility_m);
 

@@ -26,7 +26,8 @@ static const char usage[] =
     "      --vertical V       heights of the source are above egm96 (default), egm2008, egm84,\n"
     "                         ellipsoid\n"
     "      --geoid FILE       grid of that geoid (egm2008, egm84), a PGM file of GeographicLib\n"
-    "      --crs CRS          for rasters without a coordinate reference system: EPSG:4326, ...\n"
+    "      --crs CRS          for rasters that have no usable coordinate system of their own:\n"
+    "                         EPSG:4326, ...\n"
     "      --nodata VALUE     this value means missing data, whatever the raster says\n"
     "      --priority N       covers sources of lower priority (0); later ones cover equal ones\n"
     "  -j, --jobs N           threads (one for each processor)\n"
@@ -304,7 +305,6 @@ int main(int argc, char **argv)
         return EX_OK;
     if (display.terminal && !arguments.quiet)
         fputc('\n', stderr);
-    fprintf(stderr, "otwd-import: %s%s\n", diag.text[0] ? diag.text : strerror(-r),
-            r == -ECANCELED ? "; run the same command again to go on" : "");
+    fprintf(stderr, "otwd-import: %s\n", diag.text[0] ? diag.text : strerror(-r));
     return exit_code(r);
 }

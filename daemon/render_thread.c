@@ -69,17 +69,6 @@ static void choose_pose(struct frame_loop *loop, nsec_t frame_ns)
     loop->shown_utc_ns = frame_ns + loop->input.utc_offset_ns;
 }
 
-/* The terrain loader works on the next frame's place while this one is looked at. */
-static void expect_next(struct frame_loop *loop, nsec_t frame_ns)
-{
-    struct pose next;
-    if (loop->input.frozen)
-        return;
-    pose_for_frame(&loop->input.policy, &loop->input.pose, loop->input.live,
-                   frame_ns + loop->period_ns, &next);
-    channel_expect(loop->channel, &next);
-}
-
 static void take_snapshot(struct frame_loop *loop, const struct view *view)
 {
     if (!loop->output)
@@ -126,10 +115,13 @@ static nsec_t draw_frame(struct frame_loop *loop, nsec_t tick_ns, bool *ret_fail
     uint64_t missed_before = loop->sample.missed;
     take_input(loop);
     choose_pose(loop, frame_ns);
-    channel_draw(loop->channel, &loop->shown, loop->shown_utc_ns, false, &frame);
+    struct pose next = loop->shown;
+    if (!loop->input.frozen)
+        pose_for_frame(&loop->input.policy, &loop->input.pose, loop->input.live,
+                       frame_ns + loop->period_ns, &next);
+    channel_draw(loop->channel, &loop->shown, &next, loop->shown_utc_ns, false, &frame);
     take_snapshot(loop, &frame.view);
     fill_sample(loop, &frame, tick_ns);
-    expect_next(loop, frame_ns);
     *ret_failed = frame.renderer.failed;
     return frame_ns + (nsec_t)(loop->sample.missed - missed_before) * loop->period_ns;
 }
@@ -155,7 +147,7 @@ static void warm_up(struct frame_loop *loop)
     struct channel_frame frame;
     nsec_t utc_ns = clock_monotonic_ns() + loop->input.utc_offset_ns;
     for (int i = 0; i < WARM_UP_FRAMES; i++)
-        channel_draw(loop->channel, &loop->input.pose, utc_ns, true, &frame);
+        channel_draw(loop->channel, &loop->input.pose, NULL, utc_ns, true, &frame);
 }
 
 static int open_output(struct frame_loop *loop)

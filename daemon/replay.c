@@ -67,7 +67,7 @@ static void warm_up(struct channel *channel, const struct flight *flight, nsec_t
     struct channel_frame frame;
     flight_sample(flight, 0, &pose);
     for (int i = 0; i < 8; i++)
-        channel_draw(channel, &pose, utc_ns, true, &frame);
+        channel_draw(channel, &pose, NULL, utc_ns, true, &frame);
 }
 
 static void fly_frames(const struct flight *flight, const struct replay_params *params,
@@ -78,7 +78,7 @@ static void fly_frames(const struct flight *flight, const struct replay_params *
     nsec_t start_ns = clock_monotonic_ns();
     warm_up(channel, flight, utc_ns);
     for (uint64_t i = 0; i < frames; i++) {
-        struct pose pose;
+        struct pose pose, next;
         struct channel_frame frame;
         nsec_t time_ns = flight_time_ns(params, i);
         if (i == 0)
@@ -86,12 +86,11 @@ static void fly_frames(const struct flight *flight, const struct replay_params *
         if (params->speed > 0.0)
             clock_sleep_until(start_ns + ns_from_seconds((double)i / params->rate_hz));
         flight_sample(flight, time_ns, &pose);
-        channel_draw(channel, &pose, utc_ns + time_ns, params->speed <= 0.0, &frame);
+        flight_sample(flight, flight_time_ns(params, i + 1), &next);
+        channel_draw(channel, &pose, &next, utc_ns + time_ns, params->speed <= 0.0, &frame);
         record_frame(report, params, seconds_from_ns(time_ns), &frame);
         if (output)
             frame_output_take(output, channel_renderer(channel), i, &frame.view);
-        flight_sample(flight, flight_time_ns(params, i + 1), &pose);
-        channel_expect(channel, &pose);
         show_progress(params, i, frames);
     }
 }

@@ -245,15 +245,17 @@ int clipmap_pass_finest(const struct clipmap_pass *pass)
 static struct loader_bounds block_bounds(const struct clipmap_pass *pass, int level,
                                          const struct clipmap_block *block)
 {
-    int squares = level_squares(&pass->shape);
-    const struct loader_bounds *of_level =
-        pass->bounds + (size_t)level * (size_t)(squares * squares);
+    const struct clipmap_shape *shape = &pass->shape;
+    size_t squares = (size_t)level_squares(shape) * (size_t)level_squares(shape);
+    const struct loader_bounds *of_level = pass->bounds + (size_t)level * squares;
     struct loader_bounds bounds = {INFINITY, -INFINITY};
-    for (int j = block->row / LEVEL_SQUARE; j <= (block->row + block->rows - 1) / LEVEL_SQUARE;
-         j++) {
-        for (int i = block->col / LEVEL_SQUARE; i <= (block->col + block->cols - 1) / LEVEL_SQUARE;
-             i++) {
-            struct loader_bounds square = of_level[j * squares + i];
+    int32_t south = pass->layout.windows[level].row0 + block->row;
+    int32_t west = pass->layout.windows[level].col0 + block->col;
+    for (int32_t row = south & ~(LEVEL_SQUARE - 1); row < south + block->rows;
+         row += LEVEL_SQUARE) {
+        for (int32_t col = west & ~(LEVEL_SQUARE - 1); col < west + block->cols;
+             col += LEVEL_SQUARE) {
+            struct loader_bounds square = of_level[level_square_index(shape, row, col)];
             bounds.min_m = fminf(bounds.min_m, square.min_m);
             bounds.max_m = fmaxf(bounds.max_m, square.max_m);
         }

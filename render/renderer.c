@@ -30,7 +30,7 @@ struct renderer {
     size_t scene_stride;
     unsigned scene;
     bool debug_groups;
-    GLuint time_queries[PASS_MARKS], triangle_query;
+    GLuint time_query, pass_queries[PASS_MARKS], triangle_query;
     struct loader_update *held[LOADER_UPDATES]; /* being copied from by this frame */
     unsigned held_count;
 
@@ -141,7 +141,8 @@ int renderer_create(const struct renderer_params *params, const struct gl_facts 
         return r;
     }
     create_scene_buffer(renderer);
-    glCreateQueries(GL_TIMESTAMP, PASS_MARKS, renderer->time_queries);
+    glCreateQueries(GL_TIME_ELAPSED, 1, &renderer->time_query);
+    glCreateQueries(GL_TIMESTAMP, PASS_MARKS, renderer->pass_queries);
     glCreateQueries(GL_PRIMITIVES_GENERATED, 1, &renderer->triangle_query);
     glClipControl(GL_LOWER_LEFT, GL_ZERO_TO_ONE);
     glEnable(GL_DEPTH_TEST);
@@ -163,7 +164,8 @@ void renderer_destroy(struct renderer *renderer)
     glDeleteTextures(1, &renderer->colour);
     glDeleteTextures(1, &renderer->depth);
     glDeleteBuffers(1, &renderer->scene_buffer);
-    glDeleteQueries(PASS_MARKS, renderer->time_queries);
+    glDeleteQueries(1, &renderer->time_query);
+    glDeleteQueries(PASS_MARKS, renderer->pass_queries);
     glDeleteQueries(1, &renderer->triangle_query);
     free(renderer);
 }
@@ -237,7 +239,7 @@ static void begin_pass(struct renderer *renderer, enum pass pass, const char *na
 {
     if (renderer->debug_groups && pass != PASS_UPLOAD)
         glPopDebugGroup();
-    glQueryCounter(renderer->time_queries[pass], GL_TIMESTAMP);
+    glQueryCounter(renderer->pass_queries[pass], GL_TIMESTAMP);
     if (renderer->debug_groups && name)
         glPushDebugGroup(GL_DEBUG_SOURCE_APPLICATION, pass, -1, name);
 }
@@ -245,6 +247,7 @@ static void begin_pass(struct renderer *renderer, enum pass pass, const char *na
 void renderer_draw(struct renderer *renderer, struct view *view)
 {
     renderer->frame = (struct renderer_frame){0};
+    glBeginQuery(GL_TIME_ELAPSED, renderer->time_query);
     begin_pass(renderer, PASS_UPLOAD, "terrain upload");
     apply_updates(renderer);
     renderer->frame.complete = is_complete(renderer, &view->eye);
@@ -273,6 +276,7 @@ void renderer_draw(struct renderer *renderer, struct view *view)
                       (GLuint)(renderer->height + SHADE_GROUP - 1) / SHADE_GROUP, 1);
     glMemoryBarrier(GL_FRAMEBUFFER_BARRIER_BIT | GL_PIXEL_BUFFER_BARRIER_BIT);
     begin_pass(renderer, PASSES, NULL);
+    glEndQuery(GL_TIME_ELAPSED);
     glFlush();
 }
 
@@ -285,11 +289,12 @@ static double pass_ms(const GLuint64 *marks_ns, enum pass pass)
  * but the driver allocates one for every frame.) */
 void renderer_finish(struct renderer *renderer, struct renderer_frame *ret_frame)
 {
-    GLuint64 marks_ns[PASS_MARKS], triangles = 0;
+    GLuint64 elapsed_ns = 0, marks_ns[PASS_MARKS], triangles = 0;
+    glGetQueryObjectui64v(renderer->time_query, GL_QUERY_RESULT, &elapsed_ns);
     for (int i = PASSES; i >= 0; i--)
-        glGetQueryObjectui64v(renderer->time_queries[i], GL_QUERY_RESULT, &marks_ns[i]);
+        glGetQueryObjectui64v(renderer->pass_queries[i], GL_QUERY_RESULT, &marks_ns[i]);
     glGetQueryObjectui64v(renderer->triangle_query, GL_QUERY_RESULT, &triangles);
-    renderer->frame.gpu_ms = (double)(marks_ns[PASSES] - marks_ns[0]) * 1e-6;
+    renderer->frame.gpu_ms = (double)elapsed_ns * 1e-6;
     renderer->frame.upload_ms = pass_ms(marks_ns, PASS_UPLOAD);
     renderer->frame.terrain_ms = pass_ms(marks_ns, PASS_TERRAIN);
     renderer->frame.shade_ms = pass_ms(marks_ns, PASS_SHADE);

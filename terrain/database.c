@@ -289,6 +289,8 @@ void database_close(struct database *database)
         return;
     sqlite3_finalize(database->read_tile);
     sqlite3_finalize(database->write_tile);
+    if (database->writable && database->complete) /* a finished file is one file */
+        sqlite3_exec(database->sql, "PRAGMA journal_mode=DELETE", NULL, NULL, NULL);
     sqlite3_close(database->sql);
     free(database);
 }

@@ -172,6 +172,7 @@ void database_rollback(struct database *database)
 {
     if (!sqlite3_get_autocommit(database->sql))
         sqlite3_exec(database->sql, "ROLLBACK", NULL, NULL, NULL);
+    (void)database_load_meta(database, NULL); /* where it cannot be read: as it was marked last */
 }
 
 static int encode_origins(struct tile_record *record, const uint16_t *origin)

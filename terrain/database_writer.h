@@ -26,7 +26,8 @@ int8_t database_exponent(const struct database *database);
 double database_max_error_m(const struct database *database);
 
 /* A step: everything between begin and commit is there after a crash, or nothing of it. The first
- * commit marks the database incomplete. */
+ * commit marks the database incomplete. A rollback, legal after a failed commit and without a
+ * begin, brings back what the file says of itself: whether it is complete, its coarsest level. */
 int database_begin(struct database *database, struct diag *diag);
 int database_commit(struct database *database, struct diag *diag);
 void database_rollback(struct database *database);

@@ -184,6 +184,31 @@ static int store_all(struct import_job *job, struct diag *diag)
     return r == 0 ? database_finish(job->database, diag) : r;
 }
 
+static void remove_database(struct import_job *job)
+{
+    char side[DATABASE_NAME_MAX + 8];
+    database_close(job->database);
+    job->database = NULL;
+    unlink(job->params->database);
+    snprintf(side, sizeof(side), "%s-wal", job->params->database);
+    unlink(side);
+}
+
+/* After a failure: whether the database that remains can be used. */
+static void tell_what_is_left(struct import_job *job, int code, struct diag *diag)
+{
+    if (!diag || !job->database)
+        return;
+    struct diag cause = *diag;
+    database_rollback(job->database);
+    diag_set(
+        diag, code,
+        database_is_complete(job->database)
+            ? "%.330s; %s is as it was"
+            : "%.330s; %s cannot be used until this import is done: run the same command again",
+        cause.text[0] ? cause.text : strerror(-code), job->params->database);
+}
+
 static int run(struct import_job *job, struct diag *diag)
 {
     const struct import_params *params = job->params;
@@ -195,8 +220,9 @@ static int run(struct import_job *job, struct diag *diag)
         r = raster_expand(params->sources[i], add_source, &expansion, diag);
     if (r == 0)
         r = open_database(job, &exists, diag);
-    if (r == 0)
-        r = open_geoids(job, diag);
+    if (r < 0)
+        return r;
+    r = open_geoids(job, diag);
     if (r == 0)
         r = scan_sources(job, &posts, diag);
     if (r == 0 && !exists) {
@@ -205,19 +231,15 @@ static int run(struct import_job *job, struct diag *diag)
         if (r == -ENOENT || r == -EACCES)
             r = -EIO; /* not a source that is missing */
     }
-    if (r < 0)
-        return r;
-    job->result.posts_per_degree = database_grid(job->database)->posts_per_degree;
-    r = store_all(job, diag);
-    /* A database that holds nothing whole is of no use, unless the same command will go on. */
-    if (r == -EBADMSG && !exists) {
-        database_close(job->database);
-        job->database = NULL;
-        char side[DATABASE_NAME_MAX + 8];
-        unlink(params->database);
-        snprintf(side, sizeof(side), "%s-wal", params->database);
-        unlink(side);
+    if (r == 0) {
+        job->result.posts_per_degree = database_grid(job->database)->posts_per_degree;
+        r = store_all(job, diag);
     }
+    /* A database that holds nothing whole is of no use, unless the same command will go on. */
+    if (r == -EBADMSG && !exists && job->database)
+        remove_database(job);
+    if (r < 0)
+        tell_what_is_left(job, r, diag);
     return r;
 }
 

@@ -35,7 +35,7 @@ struct import_params {
     const double *max_error_m; /* NULL: 0.5, or the database's own */
     enum import_vertical vertical;
     const char *geoid_path; /* PGM of GeographicLib; needed for EGM2008 and EGM84, else NULL */
-    const char *crs;        /* for rasters without one; NULL */
+    const char *crs;        /* for rasters without a usable one; NULL */
     const double *nodata;   /* NULL */
     int priority;           /* higher ones cover lower ones, later ones cover equal ones */
     unsigned jobs;          /* threads; 0: one for each processor */
@@ -52,7 +52,8 @@ struct import_result {
 
 /* Returns 0; -ENOENT, -EACCES (a source); -EBADMSG (a source is no elevation raster); -EINVAL (the
  * options contradict each other or the database); -EPROTONOSUPPORT, -EBUSY (the database);
- * -ENOSPC, -EIO; -ECANCELED; -ENOMEM. The sentence names the file. */
+ * -ENOSPC, -EIO; -ECANCELED; -ENOMEM. The sentence names the file, and says of a database that is
+ * there whether it is as it was or cannot be used until the import is done. */
 int import_run(const struct import_params *params, struct import_result *ret_result,
                struct diag *diag);
 

@@ -12,7 +12,7 @@
 struct raster;
 
 struct raster_options {
-    const char *crs;      /* for a raster that has none: anything that PROJ knows; NULL */
+    const char *crs;      /* where a raster has no usable one: anything that PROJ knows; NULL */
     const double *nodata; /* in place of the raster's own; NULL */
 };
 
@@ -24,7 +24,7 @@ struct raster_facts {
 
 /* Opens a raster for reading heights. Failures, each with a sentence naming the file: -ENOENT,
  * -EACCES; -EBADMSG (not a raster, damaged, empty, an image, rotated, without a place on the
- * Earth); -ENOMEM. A handle belongs to one thread. */
+ * Earth); -EINVAL (PROJ does not know options->crs); -ENOMEM. A handle belongs to one thread. */
 int raster_open(const char *path, const struct raster_options *options, struct raster **ret_raster,
                 struct diag *diag);
 /* Legal on NULL. */

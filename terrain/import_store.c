@@ -52,14 +52,14 @@ static void heights_to_egm96(struct import_geoid *geoid, const struct grid *grid
 
 /* Lays new heights over the tile's own. Returns 1 where anything changed. */
 static int merge_tile(struct batch *batch, struct work_item *item, float *heights_m,
-                      uint16_t *origin, float *new_heights_m)
+                      uint16_t *origin, float *new_heights_m, struct diag *diag)
 {
     for (int i = 0; i < TILE_POST_COUNT; i++)
         heights_m[i] = NAN;
     memset(origin, 0, TILE_POST_COUNT * sizeof(*origin));
     int r = 0, changed = 0;
     if (item->existed) {
-        r = tile_decode(item->record.payload, item->record.payload_size, heights_m, NULL);
+        r = tile_decode(item->record.payload, item->record.payload_size, heights_m, diag);
         if (r == 0)
             r = tile_record_origins(&item->record, origin);
     }
@@ -83,7 +83,7 @@ static int work_tile(struct batch *batch, unsigned worker, struct work_item *ite
     if (r == 0 && job->params->vertical != IMPORT_EGM96)
         heights_to_egm96(&job->geoids[worker], grid, item->record.id, new_heights_m);
     if (r == 0)
-        r = merge_tile(batch, item, heights_m, origin, new_heights_m);
+        r = merge_tile(batch, item, heights_m, origin, new_heights_m, diag);
     item->changed = r == 1;
     if (r == 1)
         r = tile_record_fill(&item->record, grid, item->record.id, database_exponent(job->database),

@@ -172,17 +172,28 @@ static struct loader_bounds bounds_of(const struct level_store *store,
     return bounds;
 }
 
-void level_store_bound(struct level_store *store, const struct level_store *coarser)
+static int32_t clamped(int32_t x, int32_t low, int32_t high)
 {
-    int squares = level_squares(store->shape), last = store->shape->n - 1;
-    for (int j = 0; j < squares; j++) {
-        for (int i = 0; i < squares; i++) {
-            int row1 = (j + 1) * LEVEL_SQUARE, col1 = (i + 1) * LEVEL_SQUARE;
-            store->bounds[j * squares + i] =
-                bounds_of(store, coarser, store->window.row0 + j * LEVEL_SQUARE,
-                          store->window.col0 + i * LEVEL_SQUARE,
-                          store->window.row0 + (row1 < last ? row1 : last),
-                          store->window.col0 + (col1 < last ? col1 : last));
+    return x < low ? low : x > high ? high : x;
+}
+
+void level_store_bound(struct level_store *store, const struct level_store *coarser,
+                       struct clipmap_rect rect)
+{
+    struct clipmap_window w = store->window;
+    int32_t last_row = w.row0 + store->shape->n - 1, last_col = w.col0 + store->shape->n - 1;
+    /* A post on the line between two squares belongs to both. */
+    int32_t south = (rect.row0 - 1) & ~(LEVEL_SQUARE - 1), north = rect.row0 + rect.rows;
+    int32_t west = (rect.col0 - 1) & ~(LEVEL_SQUARE - 1), east = rect.col0 + rect.cols;
+    for (int32_t row = south; row < north; row += LEVEL_SQUARE) {
+        for (int32_t col = west; col < east; col += LEVEL_SQUARE) {
+            if (row + LEVEL_SQUARE <= w.row0 || col + LEVEL_SQUARE <= w.col0 || row >= last_row ||
+                col >= last_col)
+                continue;
+            store->bounds[level_square_index(store->shape, row, col)] = bounds_of(
+                store, coarser, clamped(row, w.row0, last_row), clamped(col, w.col0, last_col),
+                clamped(row + LEVEL_SQUARE, w.row0, last_row),
+                clamped(col + LEVEL_SQUARE, w.col0, last_col));
         }
     }
 }

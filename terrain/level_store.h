@@ -10,10 +10,18 @@
 
 #define LEVEL_SQUARE 8 /* cells a side of the squares that carry height bounds */
 
-/* Squares along one side of a window. */
+/* The side of the toroidal storage of squares; twice what a window covers, so that a window that
+ * begins within a square meets no square twice. */
 static inline int level_squares(const struct clipmap_shape *shape)
 {
-    return (shape->n - 1 + LEVEL_SQUARE - 1) / LEVEL_SQUARE;
+    return 2 * clipmap_storage(shape) / LEVEL_SQUARE;
+}
+
+/* Where the bounds of the square that holds the cell north-east of post (row, col) lie. */
+static inline size_t level_square_index(const struct clipmap_shape *shape, int32_t row, int32_t col)
+{
+    uint32_t side = (uint32_t)level_squares(shape), mask = side - 1;
+    return (size_t)((uint32_t)(row >> 3) & mask) * side + ((uint32_t)(col >> 3) & mask);
 }
 
 /* Half-posts along one side of a window. */
@@ -31,7 +39,7 @@ struct level_store {
     float *altitude_m;            /* [2 storage][2 storage], above the geoid */
     float *height_m;              /* the same above the ellipsoid */
     bool *water;                  /* the same */
-    struct loader_bounds *bounds; /* [squares][squares] */
+    struct loader_bounds *bounds; /* [squares][squares], toroidal */
 };
 
 int level_store_init(struct level_store *store, const struct clipmap_shape *shape, int level);
@@ -60,5 +68,7 @@ void level_store_export_surfaces(const struct level_store *store, struct clipmap
 void level_store_export_heights(const struct level_store *store, const struct level_store *coarser,
                                 struct clipmap_rect rect, struct loader_height *ret_heights);
 
-/* Computes the bounds of all squares anew. */
-void level_store_bound(struct level_store *store, const struct level_store *coarser);
+/* Computes the bounds of the squares that `rect` (posts) touches. What has left the window may
+ * still count in others: bounds may be wider than need be, never narrower. */
+void level_store_bound(struct level_store *store, const struct level_store *coarser,
+                       struct clipmap_rect rect);

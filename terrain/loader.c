@@ -152,10 +152,10 @@ static void move_level(struct loader *loader, int level, const struct clipmap_la
         sample_rect(loader, store, rects[i]);
         level_store_put(store, rects[i], loader->altitude_m, loader->undulation_m, loader->water);
     }
-    for (int i = 0; i < count; i++)
+    for (int i = 0; i < count; i++) {
         add_strip(update, store, coarser, level_store_grown(store, rects[i]));
-    if (count > 0)
-        level_store_bound(store, coarser);
+        level_store_bound(store, coarser, level_store_posts(rects[i]));
+    }
 }
 
 static void ground_below(struct loader *loader, const struct wish *wish,

@@ -55,8 +55,8 @@ struct loader_update {
     struct loader_height *heights; /* in the arena */
     struct loader_surface *surfaces;
     size_t height_count, surface_count; /* used */
-    /* By row and column of the 8 x 8 cell squares of each level, from the window's origin. */
-    struct loader_bounds *bounds; /* [levels][side][side], owned by the loader */
+    /* Of the 8 x 8 cell squares of each level: level_square_index(). */
+    struct loader_bounds *bounds; /* [levels][squares][squares], owned by the loader */
 };
 
 struct loader_params {

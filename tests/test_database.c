@@ -1,124 +1,8 @@
+/* The database's file: grid, codec, verify, and what is refused. */
 #include <errno.h>
-#include <fcntl.h>
-#include <sqlite3.h>
-#include <stdint.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
-#include "base/clock.h"
-#include "terrain/database.h"
-#include "terrain/database_writer.h"
-#include "terrain/grid.h"
-#include "terrain/tile_codec.h"
-#include "tests/check.h"
-
-static char directory[] = "/tmp/otwd-database-XXXXXX";
-
-static const char *path_of(const char *name)
-{
-    static char path[256];
-    snprintf(path, sizeof(path), "%s/%s", directory, name);
-    return path;
-}
-
-/* A smooth surface that is periodic in longitude and known everywhere. */
-static float surface_m(double lat_deg, double lon_deg)
-{
-    double lat = lat_deg * M_PI / 180.0, lon = lon_deg * M_PI / 180.0;
-    return (float)(1000.0 * sin(9.0 * lat) * cos(40.0 * lon) + 2000.0 * cos(3.0 * lon) * cos(lat));
-}
-
-static float void_north_of_m(double lat_deg, double lon_deg)
-{
-    return lat_deg > 63.75 ? NAN : surface_m(lat_deg, lon_deg);
-}
-
-static float whole_metres_m(double lat_deg, double lon_deg)
-{
-    return nearbyintf(surface_m(lat_deg, lon_deg));
-}
-
-typedef float (*surface)(double, double);
-
-/* Data exists inside a rectangle only; every tile that has a post in it exists. */
-static struct {
-    double south, west, north, east;
-} rectangle = {-90.0, -180.0, 90.0, 180.0};
-
-static float clipped_m(surface height_at, double lat_deg, double lon_deg)
-{
-    bool inside = lat_deg >= rectangle.south && lat_deg <= rectangle.north &&
-                  lon_deg >= rectangle.west && lon_deg <= rectangle.east;
-    return inside ? height_at(lat_deg, lon_deg) : NAN;
-}
-
-static void put_tile(struct database *database, struct tile_id id, surface height_at)
-{
-    static struct tile_record record;
-    static float heights[TILE_POST_COUNT];
-    struct diag diag = {""};
-    const struct grid *grid = database_grid(database);
-    unsigned shift = grid_lon_shift(grid, id.level, id.row);
-    for (int row = 0, i = 0; row < TILE_POSTS; row++)
-        for (int col = 0; col < TILE_POSTS; col++, i++)
-            heights[i] = clipped_m(
-                height_at, grid_post_lat_deg(grid, id.level, (int64_t)id.row * TILE_CELLS + row),
-                grid_post_lon_deg(grid, id.level, shift, (int64_t)id.col * TILE_CELLS + col));
-    CHECK_INT(tile_record_fill(&record, grid, id, database_exponent(database), heights, NULL), 0);
-    if (database_write_record(database, &record, &diag) != 0)
-        CHECK_FAIL("writing: %s", diag.text);
-}
-
-/* A database of the surface on all tiles of the finest level that touch the rectangle. */
-static void build(const char *path, int32_t posts_per_degree, double max_error_m, double south,
-                  double west, double north, double east, surface height_at)
-{
-    struct diag diag = {""};
-    struct database *database = NULL;
-    struct database_params params = {posts_per_degree, max_error_m};
-    rectangle.south = south, rectangle.west = west, rectangle.north = north, rectangle.east = east;
-    unlink(path);
-    int r = database_create(path, &params, &database, &diag);
-    if (r < 0) {
-        CHECK_FAIL("creating %s: %s", path, diag.text);
-        return;
-    }
-    const struct grid *grid = database_grid(database);
-    CHECK_INT(database_begin(database, &diag), 0);
-    int32_t to_pole = grid_tile_rows_to_pole(grid, 0);
-    for (int32_t row = -to_pole; row < to_pole; row++) {
-        unsigned shift = grid_lon_shift(grid, 0, row);
-        if (grid_post_lat_deg(grid, 0, ((int64_t)row + 1) * TILE_CELLS) < south ||
-            grid_post_lat_deg(grid, 0, (int64_t)row * TILE_CELLS) > north)
-            continue;
-        for (int32_t col = 0; col < grid_tile_cols(grid, 0, shift); col++) {
-            double tile_west = -180.0 + col * TILE_CELLS * grid_lon_step_deg(grid, 0, shift);
-            double tile_east = tile_west + TILE_CELLS * grid_lon_step_deg(grid, 0, shift);
-            if (tile_east >= west && tile_west <= east)
-                put_tile(database, (struct tile_id){0, row, col}, height_at);
-        }
-    }
-    CHECK_INT(database_commit(database, &diag), 0);
-    CHECK_INT(database_build_pyramid(database, 2, NULL, NULL, &diag), 0);
-    CHECK_INT(database_finish(database, &diag), 0);
-    database_close(database);
-}
-
-static struct terrain_source *open_source(const char *path)
-{
-    struct diag diag = {""};
-    struct terrain_source *source = NULL;
-    if (database_source_open(path, 64, &source, &diag) < 0)
-        CHECK_FAIL("opening: %s", diag.text);
-    return source;
-}
-
-static double point_m(struct terrain_source *source, double lat_deg, double lon_deg)
-{
-    double height_m = -1e9;
-    CHECK_INT(source->ops->sample_point(source, lat_deg, lon_deg, &height_m), 0);
-    return height_m;
-}
+#include "tests/database_fixture.h"
 
 static void test_bands(void)
 {
@@ -242,164 +126,6 @@ static void test_codec_damage(void)
     }
 }
 
-static void test_exact_posts(void)
-{
-    const char *path = path_of("exact.db");
-    build(path, 120, 0.5, 59.0, -23.5, 62.0, -21.0, whole_metres_m);
-    struct terrain_source *source = open_source(path);
-    if (!source)
-        return;
-    for (int level = 0; level < 3; level++) { /* a grid on the posts of each level */
-        float heights[41 * 37];
-        double step = ldexp(1.0, level) / 120.0;
-        struct terrain_grid grid = {step,
-                                    2.0 * step,
-                                    (int64_t)lrint(60.5 / step) - 20 / (1 << level),
-                                    (int64_t)lrint(-23.4 / step / 2.0),
-                                    41 / (1 << level),
-                                    37};
-        CHECK_INT(source->ops->sample_grid(source, &grid, heights), 0);
-        int wrong = 0;
-        for (int r = 0; r < grid.rows; r++)
-            for (int c = 0; c < grid.cols; c++)
-                wrong += heights[r * grid.cols + c] !=
-                         whole_metres_m((double)(grid.row0 + r) * step,
-                                        (double)(grid.col0 + c) * 2.0 * step);
-        CHECK_INT(wrong, 0);
-    }
-    CHECK_INT(source->read_errors, 0);
-    CHECK(source->tiles_loaded > 0);
-    terrain_source_destroy(source);
-}
-
-static void test_bilinear(void)
-{
-    struct terrain_source *source = open_source(path_of("exact.db"));
-    if (!source)
-        return;
-    const double step = 1.0 / 120.0;
-    double sw = point_m(source, 60.5, -22.0), se = point_m(source, 60.5, -22.0 + step);
-    double nw = point_m(source, 60.5 + step, -22.0);
-    double ne = point_m(source, 60.5 + step, -22.0 + step);
-    CHECK_NEAR(sw, (double)whole_metres_m(60.5, -22.0), 0.0);
-    double expected = 0.75 * (0.5 * sw + 0.5 * se) + 0.25 * (0.5 * nw + 0.5 * ne);
-    CHECK_NEAR(point_m(source, 60.5 + 0.25 * step, -22.0 + 0.5 * step), expected, 2e-3);
-    /* The grid's answer is the point's answer. */
-    float heights[30 * 30];
-    struct terrain_grid grid = {step / 3.0,
-                                step / 3.0,
-                                (int64_t)lrint(60.1 / (step / 3.0)),
-                                (int64_t)lrint(-22.2 / (step / 3.0)),
-                                30,
-                                30};
-    CHECK_INT(source->ops->sample_grid(source, &grid, heights), 0);
-    for (int i = 0; i < 900; i += 7)
-        CHECK_NEAR((double)heights[i],
-                   point_m(source, (double)(grid.row0 + i / 30) * grid.lat_step_deg,
-                           (double)(grid.col0 + i % 30) * grid.lon_step_deg),
-                   1e-3);
-    terrain_source_destroy(source);
-}
-
-/* The largest step between places a hair apart across a line. */
-static double jump_m(struct terrain_source *source, double lat_deg, double lon_deg, double d_lat,
-                     double d_lon)
-{
-    return fabs(point_m(source, lat_deg - d_lat, lon_deg - d_lon) -
-                point_m(source, lat_deg + d_lat, lon_deg + d_lon));
-}
-
-static void test_continuous(void)
-{
-    const char *path = path_of("globe.db");
-    build(path, 7, 0.0, -91.0, -181.0, 91.0, 181.0, surface_m);
-    struct terrain_source *source = open_source(path);
-    if (!source)
-        return;
-    const struct grid *grid = database_grid(database_of_source(source));
-    for (int32_t row = -4; row <= 4; row++) { /* borders of tile rows, changes of the factor */
-        double lat_deg = grid_post_lat_deg(grid, 0, (int64_t)row * TILE_CELLS);
-        for (double lon_deg = -179.97; lon_deg < 180.0; lon_deg += 1.37)
-            if (!(jump_m(source, lat_deg, lon_deg, 2e-6, 0.0) < 0.02))
-                CHECK_FAIL("a step of %g m at %g %g", jump_m(source, lat_deg, lon_deg, 2e-6, 0.0),
-                           lat_deg, lon_deg);
-    }
-    for (double lat_deg = -89.9; lat_deg < 90.0; lat_deg += 0.77) { /* the antimeridian */
-        double jump = jump_m(source, lat_deg, 180.0, 0.0, 2e-6);
-        if (!(jump < 0.02))
-            CHECK_FAIL("a step of %g m across the antimeridian at %g", jump, lat_deg);
-        CHECK_NEAR(point_m(source, lat_deg, 180.0), point_m(source, lat_deg, -180.0), 0.0);
-        CHECK_NEAR(point_m(source, lat_deg, 179.0), point_m(source, lat_deg, -181.0), 1e-3);
-    }
-    CHECK_NEAR(point_m(source, 90.0, 12.0), (double)surface_m(90.0, 12.0), 3.0);
-    CHECK_NEAR(point_m(source, -90.0, 12.0), (double)surface_m(-90.0, 12.0), 3.0);
-    double worst = 0.0;
-    for (double lat_deg = -88.0; lat_deg < 88.0; lat_deg += 3.3)
-        for (double lon_deg = -180.0; lon_deg < 180.0; lon_deg += 3.7)
-            worst = fmax(worst, fabs(point_m(source, lat_deg, lon_deg) -
-                                     (double)surface_m(lat_deg, lon_deg)));
-    CHECK(worst < 25.0); /* bilinear between posts 16 km apart */
-    CHECK_INT(source->read_errors, 0);
-    terrain_source_destroy(source);
-}
-
-static void test_antimeridian_grid(void)
-{
-    struct terrain_source *source = open_source(path_of("globe.db"));
-    if (!source)
-        return;
-    for (int level = 0; level < 5; level++) {
-        double step = ldexp(1.0, level) / 7.0;
-        float heights[9 * 61];
-        struct terrain_grid grid = {step, step, -4, (int64_t)lrint(180.0 / step) - 30, 9, 61};
-        CHECK_INT(source->ops->sample_grid(source, &grid, heights), 0);
-        for (int i = 0; i < 9 * 61; i++) {
-            double lat_deg = (double)(grid.row0 + i / 61) * step;
-            double lon_deg = (double)(grid.col0 + i % 61) * step;
-            double tolerance = 3.0 + 500.0 * step * step * level; /* beyond 180 between posts */
-            CHECK_NEAR((double)heights[i], (double)surface_m(lat_deg, lon_deg), tolerance);
-        }
-    }
-    terrain_source_destroy(source);
-}
-
-static void test_void(void)
-{
-    const char *path = path_of("void.db");
-    build(path, 120, 0.5, 62.0, -23.5, 66.0, -21.0, void_north_of_m);
-    struct terrain_source *source = open_source(path);
-    if (!source)
-        return;
-    CHECK(isnan(point_m(source, 63.76, -22.0)));
-    CHECK(!isnan(point_m(source, 63.75, -22.0))); /* the last row of posts itself has data */
-    CHECK(!isnan(point_m(source, 63.74, -22.0)));
-    CHECK(isnan(point_m(source, 10.0, 10.0)));
-    CHECK(isnan(point_m(source, 65.9, -22.0)));
-    CHECK_INT(source->read_errors, 0);
-    terrain_source_destroy(source);
-}
-
-static void test_normal(void)
-{
-    struct terrain_source *source = open_source(path_of("globe.db"));
-    if (!source)
-        return;
-    double height_m, normal[3];
-    CHECK_INT(database_source_height(source, 10.03, 20.04, &height_m, normal), 0);
-    CHECK_NEAR(height_m, point_m(source, 10.03, 20.04), 0.0);
-    CHECK_NEAR(normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2], 1.0, 1e-12);
-    double metres = 6371000.0 * M_PI / 180.0;
-    double north =
-        (point_m(source, 10.05, 20.04) - point_m(source, 10.01, 20.04)) / (0.04 * metres);
-    double east = (point_m(source, 10.03, 20.06) - point_m(source, 10.03, 20.02)) /
-                  (0.04 * metres * cos(10.03 * M_PI / 180.0));
-    CHECK_NEAR(-normal[1] / normal[2], north, 0.02 * fabs(north) + 1e-4);
-    CHECK_NEAR(-normal[0] / normal[2], east, 0.02 * fabs(east) + 1e-4);
-    CHECK_INT(database_source_height(source, 91.0, 0.0, &height_m, NULL), -EINVAL);
-    CHECK_INT(database_source_height(source, NAN, 0.0, &height_m, NULL), -EINVAL);
-    terrain_source_destroy(source);
-}
-
 struct found {
     struct database_fault first;
     char text[DIAG_TEXT_MAX];
@@ -438,40 +164,18 @@ static struct found verify(const char *path)
 
 static void test_verify_good(void)
 {
-    const char *const names[] = {"exact.db", "globe.db", "void.db"};
+    const struct {
+        const char *name;
+        void (*build)(const char *path);
+    } cases[] = {{"exact.db", build_exact}, {"globe.db", build_globe}, {"void.db", build_void}};
     for (int i = 0; i < 3; i++) {
-        struct found found = verify(path_of(names[i]));
+        const char *path = path_of(cases[i].name);
+        cases[i].build(path);
+        struct found found = verify(path);
         if (found.faults)
-            CHECK_FAIL("%s: %d faults, first: %d %d %d %s", names[i], found.faults,
+            CHECK_FAIL("%s: %d faults, first: %d %d %d %s", path, found.faults,
                        found.first.id.level, found.first.id.row, found.first.id.col, found.text);
     }
-}
-
-static void copy_file(const char *from, const char *to)
-{
-    char command[600];
-    snprintf(command, sizeof(command), "cp '%s' '%s'", from, to);
-    CHECK_INT(system(command), 0);
-}
-
-static void run_sql(const char *path, const char *sql)
-{
-    sqlite3 *handle = NULL;
-    char *message = NULL;
-    CHECK_INT(sqlite3_open(path, &handle), SQLITE_OK);
-    if (sqlite3_exec(handle, sql, NULL, NULL, &message) != SQLITE_OK)
-        CHECK_FAIL("%s: %s", sql, message);
-    sqlite3_free(message);
-    sqlite3_close(handle);
-}
-
-static void spoil(const char *name, const char *sql, char *ret_path, size_t size)
-{
-    char from[256];
-    snprintf(from, sizeof(from), "%s", path_of("exact.db"));
-    snprintf(ret_path, size, "%s", path_of(name));
-    copy_file(from, ret_path);
-    run_sql(ret_path, sql);
 }
 
 /* exact.db has row 57 (60.8 .. 61.87 N), shift 1; column 74 begins at -22.13. */
@@ -577,27 +281,6 @@ static void test_flipped_bits(void)
     CHECK_INT(undetected, 0);
 }
 
-static void test_bad_tile_falls_back(void)
-{
-    const char *const spoils[] = {
-        "UPDATE tiles SET payload = x'0102' WHERE level = 0 AND row = 57 AND col = 74",
-        "DELETE FROM tiles WHERE level = 0 AND row = 57 AND col = 74",
-        "DELETE FROM tiles WHERE level IN (0, 1)",
-    };
-    for (int i = 0; i < 3; i++) {
-        char path[256];
-        spoil("fallback.db", spoils[i], path, sizeof(path));
-        struct terrain_source *source = open_source(path);
-        if (!source)
-            return;
-        /* Inside the bad tile, and on a post of the parent. */
-        double height_m = point_m(source, 61.3, -21.8);
-        CHECK_NEAR(height_m, (double)surface_m(61.3, -21.8), i == 2 ? 40.0 : 12.0);
-        CHECK(source->read_errors > 0);
-        terrain_source_destroy(source);
-    }
-}
-
 static void check_refused(const char *path, int code, const char *text)
 {
     struct diag diag = {""};
@@ -664,6 +347,25 @@ static void test_incomplete(void)
     CHECK_INT(verify(path).faults, 0);
 }
 
+static void test_rollback(void)
+{
+    char path[256];
+    struct diag diag = {""};
+    struct database *writer = NULL;
+    spoil("rollback.db", "SELECT 1", path, sizeof(path));
+    CHECK_INT(database_open_writable(path, &writer, &diag), 0);
+    CHECK_INT(database_begin(writer, &diag), 0);
+    CHECK(!database_is_complete(writer));
+    database_rollback(writer);
+    CHECK(database_is_complete(writer));
+    CHECK_INT(database_begin(writer, &diag), 0); /* marks the file again */
+    CHECK_INT(database_commit(writer, &diag), 0);
+    database_rollback(writer);
+    CHECK(!database_is_complete(writer));
+    database_close(writer);
+    check_refused(path, -EBUSY, "not complete");
+}
+
 static void test_read_only_directory(void)
 {
     char path[320], folder[256], command[700];
@@ -700,58 +402,24 @@ static void test_info(void)
     database_close(database);
 }
 
-static void test_speed(void)
-{
-    struct terrain_source *source = open_source(path_of("exact.db"));
-    if (!source)
-        return;
-    static float heights[600 * 300];
-    struct terrain_grid grid = {1.0 / 400.0, 1.0 / 400.0, 60 * 400, -22 * 400 - 200, 300, 600};
-    CHECK_INT(source->ops->sample_grid(source, &grid, heights), 0);
-    nsec_t begin = clock_thread_cpu_ns();
-    for (int i = 0; i < 5; i++)
-        CHECK_INT(source->ops->sample_grid(source, &grid, heights), 0);
-    double ns = (double)(clock_thread_cpu_ns() - begin) / (5.0 * 600 * 300);
-    begin = clock_thread_cpu_ns();
-    double sum = 0.0;
-    for (int i = 0; i < 100000; i++)
-        sum += point_m(source, 60.0 + 1e-5 * i, -22.3 + 0.6e-5 * i);
-    double point_ns = (double)(clock_thread_cpu_ns() - begin) / 100000.0;
-    printf("     %.1f ns a post, %.0f ns a point (sum %g)\n", ns, point_ns, sum);
-    CHECK(ns < 500.0); /* ten times the aim: a sanitizer or a busy machine is no failure */
-    terrain_source_destroy(source);
-}
-
 static const struct check_test tests[] = {
     {"the longitude factor changes at 60 degrees and doubles on", test_bands},
     {"every tile's factor is its parent's or twice that, at any density", test_nesting},
     {"the codec keeps its error bound", test_codec_bound},
     {"whole metres, voids and float bits come back exactly", test_codec_exact},
     {"a damaged payload is refused and harms nobody", test_codec_damage},
-    {"a grid that falls on the posts of any level reads them exactly", test_exact_posts},
-    {"between posts the surface is bilinear, for grids as for points", test_bilinear},
-    {"the surface is continuous across tiles, bands and the antimeridian", test_continuous},
-    {"a grid across the antimeridian has no seam on any level", test_antimeridian_grid},
-    {"voids and places outside have no height", test_void},
-    {"the normal is the slope of the surface", test_normal},
     {"verify finds nothing wrong with good databases", test_verify_good},
     {"verify names the tile that was changed, exchanged or removed", test_verify_names_tile},
     {"verify compares borders and levels", test_verify_content},
     {"every flipped bit of a payload is found and its tile named", test_flipped_bits},
-    {"a bad or missing tile is drawn from its parent and counted", test_bad_tile_falls_back},
     {"what is no database, of another version or cut short is named", test_refusals},
     {"an unfinished database is refused, and can be finished", test_incomplete},
+    {"a rollback leaves a database as complete as its file is", test_rollback},
     {"a database in a read-only directory can be read", test_read_only_directory},
     {"info tells extent, levels and size", test_info},
-    {"sampling is fast on cached tiles", test_speed},
 };
 
 int main(void)
 {
-    if (!mkdtemp(directory))
-        return 1;
-    int status = CHECK_MAIN(tests);
-    char command[300];
-    snprintf(command, sizeof(command), "rm -rf '%s'", directory);
-    return system(command) == 0 ? status : 1;
+    return database_tests_main(tests, sizeof(tests) / sizeof(tests[0]));
 }

@@ -1,69 +1,13 @@
-/* The import program as a user runs it: on rasters made here with GDAL, and on real ones where they
- * are. OTWD_IMPORT names the program, OTWD_SHARED the folder of real data. */
-#include <cpl_conv.h>
-#include <cpl_error.h>
+/* The import program on rasters made here with GDAL. */
 #include <errno.h>
 #include <gdal.h>
 #include <ogr_srs_api.h>
 #include <signal.h>
-#include <stdarg.h>
-#include <stdint.h>
-#include <sys/wait.h>
-#include <unistd.h>
+#include <sys/resource.h>
 
-#include "base/bytes.h"
 #include "geo/egm96.h"
 #include "geo/geographic.h"
-#include "terrain/database.h"
-#include "tests/check.h"
-
-static char directory[] = "/tmp/otwd-import-XXXXXX";
-static char output[8192]; /* of the last run, stdout and stderr */
-static const char *shared;
-
-static const char *in(const char *name)
-{
-    static char paths[8][512];
-    static unsigned next;
-    char *path = paths[next++ % 8];
-    snprintf(path, sizeof(paths[0]), "%s/%s", directory, name);
-    return path;
-}
-
-static const char *data(const char *name)
-{
-    static char paths[4][512];
-    static unsigned next;
-    char *path = paths[next++ % 4];
-    snprintf(path, sizeof(paths[0]), "%s/data/%s", shared, name);
-    return path;
-}
-
-/* Runs the program with these arguments (a shell line); returns its exit status. */
-static int run(const char *format, ...) __attribute__((format(printf, 1, 2)));
-
-static int run(const char *format, ...)
-{
-    char arguments[3000], command[4000];
-    va_list list;
-    va_start(list, format);
-    vsnprintf(arguments, sizeof(arguments), format, list);
-    va_end(list);
-    snprintf(command, sizeof(command), "'%s' %s 2>&1", getenv("OTWD_IMPORT"), arguments);
-    FILE *pipe = popen(command, "r");
-    if (!pipe)
-        return -1;
-    size_t size = fread(output, 1, sizeof(output) - 1, pipe);
-    output[size] = '\0';
-    int status = pclose(pipe);
-    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-}
-
-static void check_run(int status, int expected)
-{
-    if (status != expected)
-        CHECK_FAIL("the import exits with %d, expected %d: %s", status, expected, output);
-}
+#include "tests/import_fixture.h"
 
 struct made {
     int width, height;
@@ -132,78 +76,6 @@ static double absurd(double lon, double lat)
 static double slope_utm(double x, double y)
 {
     return 0.01 * (x - 500000.0) + 0.02 * (y - 5200000.0);
-}
-
-static struct terrain_source *open_source(const char *path)
-{
-    struct diag diag = {""};
-    struct terrain_source *source = NULL;
-    if (database_source_open(path, 256, &source, &diag) < 0)
-        CHECK_FAIL("opening: %s", diag.text);
-    return source;
-}
-
-static double height_at(struct terrain_source *source, double lat_deg, double lon_deg)
-{
-    double height_m = NAN;
-    if (database_source_height(source, lat_deg, lon_deg, &height_m, NULL) < 0)
-        CHECK_FAIL("no height at %g %g", lat_deg, lon_deg);
-    return height_m;
-}
-
-static uint64_t verify(const char *path)
-{
-    struct diag diag = {""};
-    struct database *database = NULL;
-    struct database_verify_report report = {.faults = 999};
-    if (database_open(path, &database, &diag) < 0 ||
-        database_verify(database, NULL, NULL, &report, &diag) < 0)
-        CHECK_FAIL("verify: %s", diag.text);
-    database_close(database);
-    return report.faults;
-}
-
-/* Posts of a geographic raster, read with GDAL, against the database at the same places. */
-struct comparison {
-    double worst_m;
-    int compared, voids, wrong_voids;
-};
-
-static struct comparison compare(const char *raster, const char *database, int stride)
-{
-    struct comparison result = {0};
-    struct terrain_source *source = open_source(database);
-    GDALDatasetH dataset = GDALOpen(raster, GA_ReadOnly);
-    CHECK(dataset != NULL);
-    if (!source || !dataset)
-        return result;
-    GDALRasterBandH band = GDALGetRasterBand(dataset, 1);
-    int width = GDALGetRasterXSize(dataset), height = GDALGetRasterYSize(dataset), has = 0;
-    double gt[6], nodata = GDALGetRasterNoDataValue(band, &has);
-    GDALGetGeoTransform(dataset, gt);
-    float *line = malloc((size_t)width * sizeof(*line));
-    for (int row = 0; row < height; row += stride) {
-        /* Beyond 60 degrees the grid has fewer meridians than a raster of square cells. */
-        if (fabs(gt[5]) == gt[1] && fabs(gt[3] + (row + 0.5) * gt[5]) > 59.0)
-            continue;
-        CHECK_INT(GDALRasterIO(band, GF_Read, 0, row, width, 1, line, width, 1, GDT_Float32, 0, 0),
-                  CE_None);
-        for (int col = 0; col < width; col += stride) {
-            double found =
-                height_at(source, gt[3] + (row + 0.5) * gt[5], gt[0] + (col + 0.5) * gt[1]);
-            bool is_void = has && line[col] == (float)nodata;
-            result.compared++;
-            result.voids += is_void;
-            result.wrong_voids += is_void != isnan(found);
-            if (!is_void && !isnan(found))
-                result.worst_m = fmax(result.worst_m, fabs(found - (double)line[col]));
-        }
-    }
-    free(line);
-    CHECK_INT(source->read_errors, 0);
-    terrain_source_destroy(source);
-    GDALClose(dataset);
-    return result;
 }
 
 static const struct made ten_east = {
@@ -412,6 +284,33 @@ static void test_refusals(void)
     check_run(run("'%s' -o /nowhere/at/all.db", in("hills.tif")), 74);
 }
 
+static void copy_with_local_crs(const char *from, const char *to)
+{
+    OGRSpatialReferenceH local = OSRNewSpatialReference(NULL);
+    OSRSetLocalCS(local, "the surveyor's own");
+    GDALDriverH driver = GDALGetDriverByName("GTiff");
+    GDALDatasetH source = GDALOpen(from, GA_ReadOnly);
+    GDALDatasetH copy = GDALCreateCopy(driver, to, source, 0, NULL, NULL, NULL);
+    CHECK_INT(GDALSetSpatialRef(copy, local), CE_None);
+    GDALClose(copy);
+    GDALClose(source);
+    OSRDestroySpatialReference(local);
+}
+
+static void test_crs_option(void)
+{
+    /* A raster's own goes first: these degrees would be metres near Africa in UTM. */
+    check_run(run("'%s' -o '%s' -q --crs EPSG:32632", in("hills.tif"), in("own.db")), 0);
+    CHECK_NEAR(compare(in("hills.tif"), in("own.db"), 7).worst_m, 0.0, 0.0);
+    copy_with_local_crs(in("hills.tif"), in("local.tif"));
+    check_refused("local.tif", 65, "--crs");
+    check_run(run("'%s' -o '%s' -q --crs EPSG:4326", in("local.tif"), in("local.db")), 0);
+    CHECK_NEAR(compare(in("hills.tif"), in("local.db"), 7).worst_m, 0.0, 0.0);
+    check_run(run("'%s' -o '%s' --crs EPSG:no", in("hills.tif"), in("refused.db")), 64);
+    CHECK_CONTAINS(output, "--crs EPSG:no");
+    CHECK(access(in("refused.db"), F_OK) != 0);
+}
+
 static void test_resume(void)
 {
     struct made made = {3601, 2401, 10.0, 46.0, 1 / 3600.0, -1 / 3600.0, 4326, GDT_Int16, NAN, 0.0};
@@ -451,123 +350,40 @@ static void test_resume(void)
         CHECK_INT(system(command), 0);
 }
 
-static void check_real(const char *raster, const char *database, int stride, double bound_m)
+/* As `run`, where no file may grow beyond so many bytes: what a full disk does, without one. */
+static int run_with_limit(rlim_t bytes, const char *source, const char *database)
 {
-    struct comparison found = compare(data(raster), in(database), stride);
-    CHECK(found.compared > 1000);
-    CHECK_INT(found.wrong_voids, 0);
-    if (!(found.worst_m <= bound_m))
-        CHECK_FAIL("%s: worst difference is %g m, bound %g", raster, found.worst_m, bound_m);
+    struct rlimit old;
+    CHECK_INT(getrlimit(RLIMIT_FSIZE, &old), 0);
+    struct rlimit limit = {bytes, old.rlim_max};
+    signal(SIGXFSZ, SIG_IGN);
+    CHECK_INT(setrlimit(RLIMIT_FSIZE, &limit), 0);
+    int status = run("'%s' -o '%s' -q", in(source), in(database));
+    CHECK_INT(setrlimit(RLIMIT_FSIZE, &old), 0);
+    signal(SIGXFSZ, SIG_DFL);
+    return status;
 }
 
-static void test_real_rasters(void)
+static void test_failed_addition(void)
 {
-    check_run(run("'%s' -o '%s' -q", data("terrain/iceland-reykjanes-3s.tif"), in("iceland.db")),
-              0);
-    check_real("terrain/iceland-reykjanes-3s.tif", "iceland.db", 3, 0.5 / 16.0);
-    check_run(run("'%s' '%s' '%s' -o '%s' -q", data("terrain/N41E001.hgt.zip"),
-                  data("terrain/N41E002.hgt.zip"), data("terrain/N42E001.hgt.zip"),
-                  in("catalonia.db")),
-              0);
-    check_real("terrain/N41E001.hgt.zip", "catalonia.db", 8, 0.0);
-    check_real("terrain/N41E002.hgt.zip", "catalonia.db", 8, 0.0);
-    check_run(run("'%s' -o '%s' -q", data("terrain/N42E001.hgt.zip"), in("andorra.db")), 0);
-    check_real("terrain/N42E001.hgt.zip", "andorra.db", 3, 0.0); /* with its 7652 voids */
-    check_run(run("'%s' -o '%s' -q", data("terrain/S20W180.hgt.zip"), in("lau.db")), 0);
-    check_real("terrain/S20W180.hgt.zip", "lau.db", 7, 0.0);
-    check_run(run("'%s' -o '%s' -q", data("terrain/etopo5.tif"), in("etopo.db")), 0);
-    check_real("terrain/etopo5.tif", "etopo.db", 5, 0.0);
-    const char *const names[] = {"iceland.db", "catalonia.db", "andorra.db", "lau.db", "etopo.db"};
-    for (int i = 0; i < 5; i++)
-        CHECK_INT(verify(in(names[i])), 0);
+    struct made made = ten_east;
+    struct diag diag = {""};
+    struct database *database = NULL;
+    made.west += 1.0;
+    make_raster(in("beside.tif"), &made, hills);
+    check_run(run("'%s' -o '%s' -q", in("hills.tif"), in("added.db")), 0);
+    check_run(run("'%s' -o '%s'", in("cut.tif"), in("added.db")), 65);
+    CHECK_CONTAINS(output, "cut.tif cannot be read");
+    CHECK_CONTAINS(output, "added.db is as it was");
+    CHECK_INT(verify(in("added.db")), 0);
+    check_run(run_with_limit(24 << 10, "beside.tif", "added.db"), 74); /* among the tiles */
+    CHECK_CONTAINS(output, "added.db cannot be used until this import is done");
+    CHECK_INT(database_open(in("added.db"), &database, &diag), -EBUSY);
+    check_run(run("'%s' -o '%s' -q", in("beside.tif"), in("added.db")), 0);
+    CHECK_INT(verify(in("added.db")), 0);
 }
 
-static void test_real_others(void)
-{
-    check_run(
-        run("'%s' -o '%s' -q", data("terrain/ps_height_1k_utm10n_fitted.tif"), in("puget.db")), 0);
-    struct terrain_source *source = open_source(in("puget.db"));
-    if (source) { /* Mount Rainier, 4392 m; the raster's posts are 160 m apart */
-        double top = 0.0;
-        for (int i = 0; i < 2500; i++)
-            top = fmax(top, height_at(source, 46.8528 + 0.0004 * (i / 50 - 25),
-                                      -121.7604 + 0.0006 * (i % 50 - 25)));
-        CHECK(top > 4250.0 && top < 4400.0);
-    }
-    terrain_source_destroy(source);
-    check_run(run("'%s' -o '%s' -q", data("terrain/portland-ned.tif"), in("portland.db")), 0);
-    check_run(run("'%s' -o '%s'", data("terrain/sba_elev32_wgs84_512x512.tif"), in("sba.db")), 65);
-    CHECK_CONTAINS(output, "--crs");
-    check_run(run("'%s' -o '%s' -q --crs EPSG:4326", data("terrain/sba_elev32_wgs84_512x512.tif"),
-                  in("sba.db")),
-              0);
-    check_run(run("'%s' -o '%s'", data("imagery/sba_rgb_wgs84_512x512.tif"), in("image.db")), 65);
-    CHECK_CONTAINS(output, "image");
-    const char *const names[] = {"puget.db", "portland.db", "sba.db"};
-    for (int i = 0; i < 3; i++)
-        CHECK_INT(verify(in(names[i])), 0);
-}
-
-static int by_value(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
-/* The FGNetFDM packets (version 24: 408 bytes) of a capture, against the database. */
-static int agl_errors(struct terrain_source *source, const char *path, double *ret_errors_m,
-                      int max)
-{
-    static uint8_t bytes[4 << 20];
-    FILE *file = fopen(path, "rb");
-    size_t size = file ? fread(bytes, 1, sizeof(bytes), file) : 0;
-    if (file)
-        fclose(file);
-    struct byte_reader pcap = byte_reader_over(bytes, size);
-    CHECK_INT(read_u32le(&pcap), 0xa1b2c3d4u);
-    byte_reader_seek(&pcap, 20);
-    uint32_t link = read_u32le(&pcap) & 0xffff;
-    size_t to_ip = link == 1 ? 14 : link == 113 ? 16 : link == 276 ? 20 : link == 0 ? 4 : 0;
-    int count = 0;
-    for (size_t at = 24; at + 16 <= size && count < max;) {
-        byte_reader_seek(&pcap, at + 8);
-        uint32_t length = read_u32le(&pcap);
-        size_t udp = at + 16 + to_ip + (size_t)(bytes[at + 16 + to_ip] & 15) * 4, fdm = udp + 8;
-        at += 16 + length;
-        if (pcap.overrun || at > size || at - fdm != 408)
-            continue;
-        struct byte_reader packet = byte_reader_over(bytes + fdm, 408);
-        CHECK_INT(read_u32be(&packet), 24);
-        byte_reader_seek(&packet, 8);
-        double lon_deg = read_f64be(&packet) * 180.0 / M_PI;
-        double lat_deg = read_f64be(&packet) * 180.0 / M_PI;
-        double altitude_m = read_f64be(&packet), agl_m = (double)read_f32be(&packet);
-        if (agl_m > 0.0)
-            ret_errors_m[count++] = fabs(altitude_m - height_at(source, lat_deg, lon_deg) - agl_m);
-    }
-    return count;
-}
-
-static void test_flightgear(void)
-{
-    static double errors_m[5000];
-    struct terrain_source *source = open_source(in("iceland.db"));
-    if (!source)
-        return;
-    int count =
-        agl_errors(source, data("flights/flightgear-2020.3-c172p-bikf.pcap"), errors_m, 5000);
-    terrain_source_destroy(source);
-    CHECK(count > 500);
-    if (count == 0)
-        return;
-    qsort(errors_m, (size_t)count, sizeof(*errors_m), by_value);
-    printf("     %d packets above ground: error of AGL median %.3f m, worst %.3f m\n", count,
-           errors_m[count / 2], errors_m[count - 1]);
-    CHECK(errors_m[count / 2] <= 0.2);
-    CHECK(errors_m[count - 1] <= 0.5);
-}
-
-static const struct check_test made_tests[] = {
+static const struct check_test tests[] = {
     {"posts of a geographic raster are stored exactly", test_exact},
     {"a source that is there already is skipped", test_again},
     {"the bytes do not depend on the number of threads", test_same_bytes},
@@ -577,28 +393,12 @@ static const struct check_test made_tests[] = {
     {"a post that no coarser level has is no fault", test_lone_post},
     {"ellipsoidal heights become EGM96 ones", test_ellipsoid},
     {"what cannot be imported is named, with the right exit status", test_refusals},
+    {"--crs is for rasters that have no usable one", test_crs_option},
     {"a killed import is refused by readers and goes on where it was", test_resume},
-};
-
-static const struct check_test real_tests[] = {
-    {"real geographic rasters are met at every post", test_real_rasters},
-    {"real projected, float and damaged rasters", test_real_others},
-    {"FlightGear's height above ground is met", test_flightgear},
+    {"a failed addition tells whether the database can still be used", test_failed_addition},
 };
 
 int main(void)
 {
-    if (!getenv("OTWD_IMPORT") || !mkdtemp(directory))
-        return 1;
-    shared = getenv("OTWD_SHARED");
-    GDALAllRegister();
-    CPLSetErrorHandler(CPLQuietErrorHandler);
-    int status = CHECK_MAIN(made_tests);
-    if (shared && access(data("terrain/iceland-reykjanes-3s.tif"), R_OK) == 0)
-        status |= CHECK_MAIN(real_tests);
-    else
-        printf("skip the tests on real rasters: OTWD_SHARED has none\n");
-    char command[300];
-    snprintf(command, sizeof(command), "rm -rf '%s'", directory);
-    return system(command) == 0 ? status : 1;
+    return import_tests_main(tests, sizeof(tests) / sizeof(tests[0]));
 }

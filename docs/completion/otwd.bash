@@ -8,7 +8,7 @@ _otwd_options() {
             "--video --geo --report --protocol"
         ;;
     demo) echo "--out" ;;
-    import) echo "-o --max-error --vertical --priority --jobs --shard --imagery" ;;
+    import) echo "-o --max-error --vertical --geoid --crs --nodata --priority --jobs --shard --imagery" ;;
     height) echo "--datum --normal" ;;
     send) echo "--to --protocol --rate --speed --jitter-ms --loss --reorder --seed" ;;
     status) echo "--modbus --unit --timeout-ms" ;;

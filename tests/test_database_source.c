@@ -1,0 +1,222 @@
+/* The database as a source of terrain: heights on grids and at points, slopes, voids, damage. */
+#include <errno.h>
+
+#include "base/clock.h"
+#include "tests/database_fixture.h"
+
+static void test_exact_posts(void)
+{
+    const char *path = path_of("exact.db");
+    build_exact(path);
+    struct terrain_source *source = open_source(path);
+    if (!source)
+        return;
+    for (int level = 0; level < 3; level++) { /* a grid on the posts of each level */
+        float heights[41 * 37];
+        double step = ldexp(1.0, level) / 120.0;
+        struct terrain_grid grid = {step,
+                                    2.0 * step,
+                                    (int64_t)lrint(60.5 / step) - 20 / (1 << level),
+                                    (int64_t)lrint(-23.4 / step / 2.0),
+                                    41 / (1 << level),
+                                    37};
+        CHECK_INT(source->ops->sample_grid(source, &grid, heights), 0);
+        int wrong = 0;
+        for (int r = 0; r < grid.rows; r++)
+            for (int c = 0; c < grid.cols; c++)
+                wrong += heights[r * grid.cols + c] !=
+                         whole_metres_m((double)(grid.row0 + r) * step,
+                                        (double)(grid.col0 + c) * 2.0 * step);
+        CHECK_INT(wrong, 0);
+    }
+    CHECK_INT(source->read_errors, 0);
+    CHECK(source->tiles_loaded > 0);
+    terrain_source_destroy(source);
+}
+
+static void test_bilinear(void)
+{
+    struct terrain_source *source = open_source(path_of("exact.db"));
+    if (!source)
+        return;
+    const double step = 1.0 / 120.0;
+    double sw = point_m(source, 60.5, -22.0), se = point_m(source, 60.5, -22.0 + step);
+    double nw = point_m(source, 60.5 + step, -22.0);
+    double ne = point_m(source, 60.5 + step, -22.0 + step);
+    CHECK_NEAR(sw, (double)whole_metres_m(60.5, -22.0), 0.0);
+    double expected = 0.75 * (0.5 * sw + 0.5 * se) + 0.25 * (0.5 * nw + 0.5 * ne);
+    CHECK_NEAR(point_m(source, 60.5 + 0.25 * step, -22.0 + 0.5 * step), expected, 2e-3);
+    /* The grid's answer is the point's answer. */
+    float heights[30 * 30];
+    struct terrain_grid grid = {step / 3.0,
+                                step / 3.0,
+                                (int64_t)lrint(60.1 / (step / 3.0)),
+                                (int64_t)lrint(-22.2 / (step / 3.0)),
+                                30,
+                                30};
+    CHECK_INT(source->ops->sample_grid(source, &grid, heights), 0);
+    for (int i = 0; i < 900; i += 7)
+        CHECK_NEAR((double)heights[i],
+                   point_m(source, (double)(grid.row0 + i / 30) * grid.lat_step_deg,
+                           (double)(grid.col0 + i % 30) * grid.lon_step_deg),
+                   1e-3);
+    terrain_source_destroy(source);
+}
+
+/* The largest step between places a hair apart across a line. */
+static double jump_m(struct terrain_source *source, double lat_deg, double lon_deg, double d_lat,
+                     double d_lon)
+{
+    return fabs(point_m(source, lat_deg - d_lat, lon_deg - d_lon) -
+                point_m(source, lat_deg + d_lat, lon_deg + d_lon));
+}
+
+static void test_continuous(void)
+{
+    const char *path = path_of("globe.db");
+    build_globe(path);
+    struct terrain_source *source = open_source(path);
+    if (!source)
+        return;
+    const struct grid *grid = database_grid(database_of_source(source));
+    for (int32_t row = -4; row <= 4; row++) { /* borders of tile rows, changes of the factor */
+        double lat_deg = grid_post_lat_deg(grid, 0, (int64_t)row * TILE_CELLS);
+        for (double lon_deg = -179.97; lon_deg < 180.0; lon_deg += 1.37)
+            if (!(jump_m(source, lat_deg, lon_deg, 2e-6, 0.0) < 0.02))
+                CHECK_FAIL("a step of %g m at %g %g", jump_m(source, lat_deg, lon_deg, 2e-6, 0.0),
+                           lat_deg, lon_deg);
+    }
+    for (double lat_deg = -89.9; lat_deg < 90.0; lat_deg += 0.77) { /* the antimeridian */
+        double jump = jump_m(source, lat_deg, 180.0, 0.0, 2e-6);
+        if (!(jump < 0.02))
+            CHECK_FAIL("a step of %g m across the antimeridian at %g", jump, lat_deg);
+        CHECK_NEAR(point_m(source, lat_deg, 180.0), point_m(source, lat_deg, -180.0), 0.0);
+        CHECK_NEAR(point_m(source, lat_deg, 179.0), point_m(source, lat_deg, -181.0), 1e-3);
+    }
+    CHECK_NEAR(point_m(source, 90.0, 12.0), (double)surface_m(90.0, 12.0), 3.0);
+    CHECK_NEAR(point_m(source, -90.0, 12.0), (double)surface_m(-90.0, 12.0), 3.0);
+    double worst = 0.0;
+    for (double lat_deg = -88.0; lat_deg < 88.0; lat_deg += 3.3)
+        for (double lon_deg = -180.0; lon_deg < 180.0; lon_deg += 3.7)
+            worst = fmax(worst, fabs(point_m(source, lat_deg, lon_deg) -
+                                     (double)surface_m(lat_deg, lon_deg)));
+    CHECK(worst < 25.0); /* bilinear between posts 16 km apart */
+    CHECK_INT(source->read_errors, 0);
+    terrain_source_destroy(source);
+}
+
+static void test_antimeridian_grid(void)
+{
+    struct terrain_source *source = open_source(path_of("globe.db"));
+    if (!source)
+        return;
+    for (int level = 0; level < 5; level++) {
+        double step = ldexp(1.0, level) / 7.0;
+        float heights[9 * 61];
+        struct terrain_grid grid = {step, step, -4, (int64_t)lrint(180.0 / step) - 30, 9, 61};
+        CHECK_INT(source->ops->sample_grid(source, &grid, heights), 0);
+        for (int i = 0; i < 9 * 61; i++) {
+            double lat_deg = (double)(grid.row0 + i / 61) * step;
+            double lon_deg = (double)(grid.col0 + i % 61) * step;
+            double tolerance = 3.0 + 500.0 * step * step * level; /* beyond 180 between posts */
+            CHECK_NEAR((double)heights[i], (double)surface_m(lat_deg, lon_deg), tolerance);
+        }
+    }
+    terrain_source_destroy(source);
+}
+
+static void test_void(void)
+{
+    const char *path = path_of("void.db");
+    build_void(path);
+    struct terrain_source *source = open_source(path);
+    if (!source)
+        return;
+    CHECK(isnan(point_m(source, 63.76, -22.0)));
+    CHECK(!isnan(point_m(source, 63.75, -22.0))); /* the last row of posts itself has data */
+    CHECK(!isnan(point_m(source, 63.74, -22.0)));
+    CHECK(isnan(point_m(source, 10.0, 10.0)));
+    CHECK(isnan(point_m(source, 65.9, -22.0)));
+    CHECK_INT(source->read_errors, 0);
+    terrain_source_destroy(source);
+}
+
+static void test_normal(void)
+{
+    struct terrain_source *source = open_source(path_of("globe.db"));
+    if (!source)
+        return;
+    double height_m, normal[3];
+    CHECK_INT(database_source_height(source, 10.03, 20.04, &height_m, normal), 0);
+    CHECK_NEAR(height_m, point_m(source, 10.03, 20.04), 0.0);
+    CHECK_NEAR(normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2], 1.0, 1e-12);
+    double metres = 6371000.0 * M_PI / 180.0;
+    double north =
+        (point_m(source, 10.05, 20.04) - point_m(source, 10.01, 20.04)) / (0.04 * metres);
+    double east = (point_m(source, 10.03, 20.06) - point_m(source, 10.03, 20.02)) /
+                  (0.04 * metres * cos(10.03 * M_PI / 180.0));
+    CHECK_NEAR(-normal[1] / normal[2], north, 0.02 * fabs(north) + 1e-4);
+    CHECK_NEAR(-normal[0] / normal[2], east, 0.02 * fabs(east) + 1e-4);
+    CHECK_INT(database_source_height(source, 91.0, 0.0, &height_m, NULL), -EINVAL);
+    CHECK_INT(database_source_height(source, NAN, 0.0, &height_m, NULL), -EINVAL);
+    terrain_source_destroy(source);
+}
+
+static void test_bad_tile_falls_back(void)
+{
+    const char *const spoils[] = {
+        "UPDATE tiles SET payload = x'0102' WHERE level = 0 AND row = 57 AND col = 74",
+        "DELETE FROM tiles WHERE level = 0 AND row = 57 AND col = 74",
+        "DELETE FROM tiles WHERE level IN (0, 1)",
+    };
+    for (int i = 0; i < 3; i++) {
+        char path[256];
+        spoil("fallback.db", spoils[i], path, sizeof(path));
+        struct terrain_source *source = open_source(path);
+        if (!source)
+            return;
+        /* Inside the bad tile, and on a post of the parent. */
+        double height_m = point_m(source, 61.3, -21.8);
+        CHECK_NEAR(height_m, (double)surface_m(61.3, -21.8), i == 2 ? 40.0 : 12.0);
+        CHECK(source->read_errors > 0);
+        terrain_source_destroy(source);
+    }
+}
+
+static void test_speed(void)
+{
+    struct terrain_source *source = open_source(path_of("exact.db"));
+    if (!source)
+        return;
+    static float heights[600 * 300];
+    struct terrain_grid grid = {1.0 / 400.0, 1.0 / 400.0, 60 * 400, -22 * 400 - 200, 300, 600};
+    CHECK_INT(source->ops->sample_grid(source, &grid, heights), 0);
+    nsec_t begin = clock_thread_cpu_ns();
+    for (int i = 0; i < 5; i++)
+        CHECK_INT(source->ops->sample_grid(source, &grid, heights), 0);
+    double ns = (double)(clock_thread_cpu_ns() - begin) / (5.0 * 600 * 300);
+    begin = clock_thread_cpu_ns();
+    double sum = 0.0;
+    for (int i = 0; i < 100000; i++)
+        sum += point_m(source, 60.0 + 1e-5 * i, -22.3 + 0.6e-5 * i);
+    double point_ns = (double)(clock_thread_cpu_ns() - begin) / 100000.0;
+    printf("     %.1f ns a post, %.0f ns a point (sum %g)\n", ns, point_ns, sum);
+    CHECK(ns < 500.0); /* ten times the aim: a sanitizer or a busy machine is no failure */
+    terrain_source_destroy(source);
+}
+
+static const struct check_test tests[] = {
+    {"a grid that falls on the posts of any level reads them exactly", test_exact_posts},
+    {"between posts the surface is bilinear, for grids as for points", test_bilinear},
+    {"the surface is continuous across tiles, bands and the antimeridian", test_continuous},
+    {"a grid across the antimeridian has no seam on any level", test_antimeridian_grid},
+    {"voids and places outside have no height", test_void},
+    {"the normal is the slope of the surface", test_normal},
+    {"a bad or missing tile is drawn from its parent and counted", test_bad_tile_falls_back},
+    {"sampling is fast on cached tiles", test_speed},
+};
+
+int main(void)
+{
+    return database_tests_main(tests, sizeof(tests) / sizeof(tests[0]));
+}
