@@ -3,6 +3,7 @@
 #include <errno.h>
 #include <netdb.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "io/can_bus.h"
@@ -26,6 +27,10 @@ static int resolve(const char *host_port, char ret_text[ADDRESS_TEXT_MAX], struc
     size_t length = colon ? (size_t)(colon - host_port) : 0;
     if (length == 0 || length >= sizeof(host))
         return diag_set(diag, -EINVAL, "\"udp://%s\" is not udp://HOST:PORT", host_port);
+    char *end;
+    unsigned long port = strtoul(colon + 1, &end, 10);
+    if (end == colon + 1 || *end || port < 1 || port > 65535)
+        return diag_set(diag, -EINVAL, "udp://%s: a port is a number from 1 to 65535", host_port);
     memcpy(host, host_port, length);
     host[length] = '\0';
     struct addrinfo hints = {.ai_family = AF_INET, .ai_socktype = SOCK_DGRAM}, *found = NULL;
@@ -43,6 +48,9 @@ static int target_open(struct target *target, const char *url, enum pose_protoco
                        struct diag *diag)
 {
     bool is_udp = strncmp(url, UDP_SCHEME, strlen(UDP_SCHEME)) == 0;
+    if (!is_udp && strncmp(url, "can:", 4) != 0 && strncmp(url, "sim:", 4) != 0)
+        return diag_set(diag, -EINVAL,
+                        "\"%s\" is none of udp://HOST:PORT, can:INTERFACE and sim:PATH", url);
     if (is_udp == (protocol == POSE_PROTOCOL_CANAEROSPACE))
         return diag_set(diag, -EINVAL, "%s does not go over %s", pose_protocol_name(protocol), url);
     if (is_udp) {
