@@ -133,6 +133,8 @@ int send_main(int argc, char **argv)
     struct flight_params flight_params = {.geoid = options.params.geoid};
     if (r == 0)
         r = flight_load(options.flight, &flight_params, &flight, &diag);
+    if (flight && flight->note.text[0] && !options.quiet)
+        fprintf(stderr, "otwd: %s\n", flight->note.text);
     if (r == 0)
         r = send_schedule_create(flight, &options.params, &schedule, &diag);
     if (r == 0) {
