@@ -1,19 +1,8 @@
 # bash completion for otwd                                               -*- shell-script -*-
 
+# The options of a subcommand, from its own help, which cannot be out of date.
 _otwd_options() {
-    case $1 in
-    run) echo "-c -v --quiet" ;;
-    replay)
-        echo "-c --terrain --size --rate --speed --technique --pixel-error --frames --every" \
-            "--video --geo --report --protocol"
-        ;;
-    demo) echo "--out" ;;
-    import) echo "-o --max-error --vertical --geoid --crs --nodata --priority --jobs --shard --imagery" ;;
-    height) echo "--datum --normal" ;;
-    send) echo "--to --protocol --rate --speed --jitter-ms --loss --reorder --seed" ;;
-    status) echo "--modbus --unit --timeout-ms" ;;
-    esac
-    echo "--help --version --json --quiet -v"
+    "$1" "$2" --help 2>/dev/null | sed -n 's/^ *\(-., \)\{0,1\} *\(--[a-z-]*\).*/\2/p'
 }
 
 # The words that an option takes; nothing where it takes a file or free text.
@@ -29,7 +18,7 @@ _otwd_values() {
 }
 
 _otwd() {
-    local current=${COMP_WORDS[COMP_CWORD]} previous=${COMP_WORDS[COMP_CWORD - 1]} values
+    local current=${COMP_WORDS[COMP_CWORD]} previous=${COMP_WORDS[COMP_CWORD - 1]} values options
     COMPREPLY=()
     if [ "$COMP_CWORD" -eq 1 ]; then
         mapfile -t COMPREPLY < <(compgen -W "run replay demo import info verify height send status
@@ -40,7 +29,8 @@ _otwd() {
     if [ -n "$values" ]; then
         mapfile -t COMPREPLY < <(compgen -W "$values" -- "$current")
     elif [[ $current == -* ]]; then
-        mapfile -t COMPREPLY < <(compgen -W "$(_otwd_options "${COMP_WORDS[1]}")" -- "$current")
+        options=$(_otwd_options "${COMP_WORDS[0]}" "${COMP_WORDS[1]}")
+        mapfile -t COMPREPLY < <(compgen -W "$options" -- "$current")
     else
         mapfile -t COMPREPLY < <(compgen -f -- "$current")
     fi
