@@ -42,10 +42,12 @@ expect() {
 
 expect 66 'absent.csv: No such file' "$OTWD" send absent.csv --to udp://127.0.0.1:9
 expect 64 'nowhere' "$OTWD" send flight.csv --to nowhere
-expect 64 'a port is a number' "$OTWD" send flight.csv --to udp://localhost:70000
+expect 64 'a port from 0 to 65535' "$OTWD" send flight.csv --to udp://localhost:70000
 expect 69 'nobody serves a bus there' "$OTWD" send flight.csv --to "sim:$scratch/absent"
 expect 69 'nobody takes the packets there' \
     "$OTWD" send flight.csv --to "udp://127.0.0.1:$(free_port)" --speed 60
+"$OTWD" status --modbus "localhost:$(free_port)" 2>error.txt # a name, not a number
+[ $? -eq 69 ] || fail "status by name: $(cat error.txt)"
 expect 69 'Connection refused' "$OTWD" status --modbus "127.0.0.1:$(free_port)"
 expect 66 'absent.db' "$OTWD" info absent.db
 expect 65 'is not a terrain database' "$OTWD" verify flight.csv
