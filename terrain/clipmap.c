@@ -5,6 +5,7 @@
 
 #define METRES_PER_DEGREE 111195.0 /* of latitude, to the 0.5 % that choosing a level needs */
 #define HARDWARE_SEGMENTS 64       /* GL_MAX_TESS_GEN_LEVEL that OpenGL guarantees */
+#define PIECE_CELLS       32       /* a side of what is culled by itself; doubled, 64 segments */
 
 static int band_factor(double lat_deg)
 {
@@ -126,7 +127,7 @@ static void add_block(struct block_list *list, int col, int row, int cols, int r
 int clipmap_instances(const struct clipmap_shape *shape)
 {
     int instances = 1;
-    while (clipmap_m(shape) > HARDWARE_SEGMENTS * instances)
+    while (clipmap_m(shape) > PIECE_CELLS * instances)
         instances *= 2;
     return instances;
 }

@@ -81,8 +81,9 @@ struct clipmap_block {
     uint8_t doubled;    /* enum clipmap_edge: edges shared with the finer level */
 };
 
-/* How many times a side has to be halved by instancing so that a level needs no more than
- * CLIPMAP_MAX_BLOCKS blocks: 1 up to n = 255, 2 at 511, 4 at 1023. */
+/* Into how many pieces a side of a block is cut by instancing, so that no piece is wider than 32
+ * cells and a level needs no more than CLIPMAP_MAX_BLOCKS blocks: 1 up to n = 127, 2 at 255, 4 at
+ * 511. */
 int clipmap_instances(const struct clipmap_shape *shape);
 
 /* The blocks of `level`: twelve M, four R and the L in three parts where `hole` (a finer level is
