@@ -6,6 +6,8 @@
 #include <stdbool.h>
 #include <sysexits.h>
 
+#include "daemon/cli.h"
+
 struct check_options {
     const char *path;
     bool json, quiet;
@@ -91,7 +93,7 @@ int check_config_main(int argc, char **argv)
     struct check_options options = {0};
     struct config config = {0};
     struct config_errors errors = {0};
-    argp_parse(&parser, argc, argv, 0, NULL, &options);
+    cli_parse(&parser, "check-config", argc, argv, &options);
     int r = config_load(options.path, &config, &errors);
     if (options.json)
         print_json(options.path, &errors);

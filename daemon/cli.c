@@ -28,6 +28,7 @@ int cli_exit_status(int error)
     case EADDRINUSE:
     case EADDRNOTAVAIL:
     case ECONNREFUSED:
+    case EHOSTUNREACH:
     case ETIMEDOUT:
     case ENETDOWN:
         return EX_UNAVAILABLE;

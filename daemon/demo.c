@@ -2,16 +2,15 @@
  * should show. */
 #include <errno.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <sysexits.h>
-#include <unistd.h>
 
 #include "daemon/cli.h"
 #include "daemon/commands.h"
 #include "daemon/demo_flight.h"
 #include "daemon/geoid_function.h"
+#include "daemon/video_pipe.h"
 
 #define PICTURE_SECONDS 5
 
@@ -52,7 +51,7 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
         options->video = false;
         return 0;
     case ARGP_KEY_ARG:
-        argp_error(state, "otwd demo takes no arguments");
+        argp_error(state, "unexpected argument \"%s\"", argument);
         return 0;
     default:
         return ARGP_ERR_UNKNOWN;
@@ -68,20 +67,6 @@ static const struct argp parser = {
         "written.",
 };
 
-static bool have_ffmpeg(void)
-{
-    const char *path = getenv("PATH");
-    char list[4096], *rest = list;
-    snprintf(list, sizeof(list), "%s", path ? path : "");
-    for (char *dir; (dir = strsep(&rest, ":"));) {
-        char file[4200];
-        snprintf(file, sizeof(file), "%s/ffmpeg", dir);
-        if (access(file, X_OK) == 0)
-            return true;
-    }
-    return false;
-}
-
 static int fly(struct demo_options *options, struct diag *diag)
 {
     char frames[4096], video[4096], report_dir[4096];
@@ -89,7 +74,7 @@ static int fly(struct demo_options *options, struct diag *diag)
     snprintf(video, sizeof(video), "%s/demo.mp4", options->out);
     snprintf(report_dir, sizeof(report_dir), "%s/report", options->out);
     if (mkdir(options->out, 0777) < 0 && errno != EEXIST)
-        return diag_set(diag, -errno, "%s: cannot make the directory: %s", options->out,
+        return diag_set(diag, -EIO, "%s: cannot make the directory: %s", options->out,
                         strerror(errno));
     struct replay_params *params = &options->params;
     params->output.frames_dir = frames;
@@ -125,7 +110,7 @@ static int fly(struct demo_options *options, struct diag *diag)
 int demo_main(int argc, char **argv)
 {
     struct demo_options options = {
-        .params = replay_defaults(), .out = "demo", .video = have_ffmpeg()};
+        .params = replay_defaults(), .out = "demo", .video = video_pipe_available()};
     options.params.rate_hz = 30.0;
     options.params.speed = 0.0;
     cli_parse(&parser, "demo", argc, argv, &options);

@@ -3,6 +3,7 @@
 #include <errno.h>
 #include <pthread.h>
 #include <semaphore.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -36,7 +37,7 @@ struct frame_output {
     unsigned started, passed;          /* read-backs; modulo READBACK_SLOTS they index views */
     bool has_thread;
     pthread_t thread;
-    int error; /* the writer's first; read after it has ended */
+    atomic_int error; /* the writer's first; `diag` is read after it has ended */
     struct diag diag;
 };
 
@@ -112,7 +113,10 @@ static void hand_over(struct frame_output *output, struct job *job)
 
 static int make_directory(const char *path, struct diag *diag)
 {
-    if (!path || mkdir(path, 0777) == 0 || errno == EEXIST)
+    struct stat status;
+    if (!path || mkdir(path, 0777) == 0)
+        return 0;
+    if (errno == EEXIST && stat(path, &status) == 0 && S_ISDIR(status.st_mode))
         return 0;
     return diag_set(diag, -errno, "%s: cannot make the directory: %s", path, strerror(errno));
 }
@@ -230,6 +234,11 @@ bool frame_output_offer(struct frame_output *output, struct renderer *renderer, 
         return false;
     output->views[output->started++ % READBACK_SLOTS] = *view;
     return true;
+}
+
+int frame_output_error(const struct frame_output *output)
+{
+    return atomic_load(&output->error);
 }
 
 int frame_output_close(struct frame_output *output, struct diag *diag)

@@ -34,6 +34,9 @@ void frame_output_take(struct frame_output *output, struct renderer *renderer, u
 bool frame_output_offer(struct frame_output *output, struct renderer *renderer, uint64_t frame,
                         const struct view *view);
 
+/* The first error of writing so far, 0 or -errno: the rest will not be written. Any thread. */
+int frame_output_error(const struct frame_output *output);
+
 /* Writes out what is under way and closes. The first error of the whole run is returned. Legal on
  * NULL. GL thread. */
 int frame_output_close(struct frame_output *output, struct diag *diag);

@@ -162,7 +162,5 @@ int height_main(int argc, char **argv)
     }
     geoid_close(geoid);
     terrain_source_destroy(source);
-    if (fflush(stdout) != 0 && r == 0)
-        r = diag_set(&diag, -EIO, "standard output: %s", strerror(errno));
     return r < 0 ? cli_fail(r, &diag) : EX_OK;
 }

@@ -286,13 +286,22 @@ static int import_and_report(struct arguments *arguments, struct diag *diag)
     return r;
 }
 
+/* Output that was lost is a failure. */
+static int close_output(int status)
+{
+    if (status != EX_OK || (fflush(stdout) == 0 && !ferror(stdout)))
+        return status;
+    fprintf(stderr, "otwd-import: standard output: %s\n", strerror(errno));
+    return EX_IOERR;
+}
+
 int main(int argc, char **argv)
 {
     struct arguments arguments = {.quiet = false};
     struct diag diag = {.text = ""};
     int r = parse_arguments(argc, argv, &arguments);
     if (r != 0 || arguments.done)
-        return r;
+        return close_output(r);
     struct display display = {.quiet = arguments.quiet,
                               .terminal = isatty(STDERR_FILENO),
                               .began_ns = clock_monotonic_ns()};
@@ -302,7 +311,7 @@ int main(int argc, char **argv)
     signal(SIGTERM, on_signal);
     r = import_and_report(&arguments, &diag);
     if (r == 0)
-        return EX_OK;
+        return close_output(EX_OK);
     if (display.terminal && !arguments.quiet)
         fputc('\n', stderr);
     fprintf(stderr, "otwd-import: %s\n", diag.text[0] ? diag.text : strerror(-r));

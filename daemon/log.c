@@ -12,12 +12,12 @@
 #include <time.h>
 #include <unistd.h>
 
-#define MESSAGE_MAX   1024
-#define CHANNEL_MAX   64
-#define FIELDS_MAX    5
-#define FIELD_MAX     128
-#define QUIET_NS      NSEC_PER_SEC
-#define FAULTS_LIMITS 64
+#define MESSAGE_MAX 1024
+#define CHANNEL_MAX 64
+#define FIELDS_MAX  5
+#define FIELD_MAX   128
+#define QUIET_NS    NSEC_PER_SEC
+#define LIMITS      128 /* faults and sources that are limited at a time */
 
 static struct {
     pthread_mutex_t lock;
@@ -25,7 +25,11 @@ static struct {
     char channel[CHANNEL_MAX];
     FILE *stream;
     bool journal;
-    struct log_site faults[FAULTS_LIMITS]; /* by row of the table of faults */
+    struct fault_limit {
+        enum fault_code code;
+        char source[CHANNEL_MAX];
+        struct log_site site;
+    } limits[LIMITS];
 } state = {.lock = PTHREAD_MUTEX_INITIALIZER, .level = LOG_LEVEL_INFO};
 
 /* systemd.exec(5): JOURNAL_STREAM names the device and inode that stderr was connected to. */
@@ -146,19 +150,35 @@ void log_write(struct log_site *site, enum log_level level, const struct log_abo
     va_end(args);
 }
 
+/* The limit of a fault of a source. A new one takes the place that has been quiet for longest. */
+static struct log_site *limit_of(enum fault_code code, const char *source)
+{
+    struct fault_limit *place = &state.limits[0];
+    for (size_t i = 0; i < LIMITS; i++) {
+        struct fault_limit *limit = &state.limits[i];
+        if (limit->code == code && strcmp(limit->source, source) == 0)
+            return &limit->site;
+        if (limit->site.opens_ns < place->site.opens_ns)
+            place = limit;
+    }
+    *place = (struct fault_limit){.code = code};
+    snprintf(place->source, sizeof(place->source), "%s", source);
+    return &place->site;
+}
+
 void log_fault(enum fault_code code, const char *source, const char *format, ...)
 {
     static const enum log_level levels[] = {LOG_LEVEL_NOTICE, LOG_LEVEL_WARNING, LOG_LEVEL_ERROR};
-    size_t count;
-    const struct fault_info *info = fault_find(code), *table = fault_table(&count);
-    assert(info && count <= FAULTS_LIMITS);
+    const struct fault_info *info = fault_find(code);
+    assert(info);
     if (!log_shows(levels[info->severity]))
         return;
     const struct log_about about = {.fault = code, .source = source};
     va_list args;
     va_start(args, format);
     pthread_mutex_lock(&state.lock);
-    write_locked(&state.faults[info - table], levels[info->severity], &about, format, args);
+    write_locked(limit_of(code, source ? source : ""), levels[info->severity], &about, format,
+                 args);
     pthread_mutex_unlock(&state.lock);
     va_end(args);
 }

@@ -47,7 +47,7 @@ void log_write(struct log_site *site, enum log_level level, const struct log_abo
 bool log_shows(enum log_level level);
 
 /* Each call site has its own limit. Messages that differ only in their source deserve log_fault(),
- * which is limited for each fault. */
+ * which is limited for each fault of each source, or log_write() without a site. */
 #define LOG_AT(level, about, ...)                                                                  \
     do {                                                                                           \
         static struct log_site log_site_;                                                          \

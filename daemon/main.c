@@ -1,8 +1,12 @@
 /* otwd: a table of subcommands. */
+#include <errno.h>
+#include <fcntl.h>
 #include <stdio.h>
 #include <string.h>
 #include <sysexits.h>
+#include <unistd.h>
 
+#include "daemon/cli.h"
 #include "daemon/commands.h"
 #include "daemon/version.h"
 
@@ -36,22 +40,43 @@ static void print_usage(FILE *out)
     fputs("\n`otwd COMMAND --help` says more. See otwd(1).\n", out);
 }
 
+/* A standard stream that the parent closed is opened the wrong way round: no file of ours takes its
+ * number and receives what is meant for it, and using it still fails. */
+static void guard_streams(void)
+{
+    for (int fd = STDIN_FILENO; fd <= STDERR_FILENO; fd++)
+        if (fcntl(fd, F_GETFD) < 0)
+            open("/dev/null", fd == STDIN_FILENO ? O_WRONLY : O_RDONLY);
+}
+
+/* Output that was lost is a failure, however well the rest went. */
+static int close_output(int status)
+{
+    if (fflush(stdout) == 0 && !ferror(stdout))
+        return status;
+    fprintf(stderr, "otwd: standard output: %s\n", strerror(errno));
+    return status == EX_OK ? EX_IOERR : status;
+}
+
 int main(int argc, char **argv)
 {
     const char *name = argc > 1 ? argv[1] : "";
+    guard_streams();
+    argp_program_version = "otwd " OTWD_VERSION " (" OTWD_COMMIT ")";
     if (strcmp(name, "--version") == 0) {
-        printf("otwd %s (%s)\n", OTWD_VERSION, OTWD_COMMIT);
-        return EX_OK;
+        puts(argp_program_version);
+        return close_output(EX_OK);
     }
-    if (strcmp(name, "--help") == 0 || strcmp(name, "help") == 0) {
+    if (strcmp(name, "--help") == 0 || strcmp(name, "-h") == 0 || strcmp(name, "help") == 0) {
         print_usage(stdout);
-        return EX_OK;
+        return close_output(EX_OK);
     }
     for (size_t i = 0; i < COMMANDS; i++)
         if (strcmp(name, commands[i].name) == 0)
-            return commands[i].main(argc - 1, argv + 1);
+            return close_output(commands[i].main(argc - 1, argv + 1));
     if (*name)
-        fprintf(stderr, "otwd: there is no command \"%s\"\n", name);
-    print_usage(stderr);
+        fprintf(stderr, "otwd: there is no command \"%s\"; `otwd --help` lists them\n", name);
+    else
+        print_usage(stderr);
     return EX_USAGE;
 }

@@ -89,8 +89,11 @@ static void fly_frames(const struct flight *flight, const struct replay_params *
         flight_sample(flight, flight_time_ns(params, i + 1), &next);
         channel_draw(channel, &pose, &next, utc_ns + time_ns, params->speed <= 0.0, &frame);
         record_frame(report, params, seconds_from_ns(time_ns), &frame);
-        if (output)
+        if (output) {
             frame_output_take(output, channel_renderer(channel), i, &frame.view);
+            if (frame_output_error(output) < 0)
+                break; /* what was asked for cannot be had */
+        }
         show_progress(params, i, frames);
     }
 }
@@ -102,6 +105,12 @@ static void count_poses(const struct flight *flight, struct report *report)
                                           .rejected = intake_rejected_total(counters),
                                           .lost = counters->lost,
                                           .reordered = counters->reordered};
+}
+
+/* What cannot be written is an error of output, whatever the file system calls it. */
+static int output_error(int r)
+{
+    return r == -ENOMEM || r == -EINVAL || r == -ENODEV || r >= 0 ? r : -EIO;
 }
 
 int replay_fly(const struct flight *flight, const struct replay_params *params,
@@ -122,7 +131,7 @@ int replay_fly(const struct flight *flight, const struct replay_params *params,
     files.report_dir = params->report_dir;
     files.report_every = (unsigned)((frames + REPORT_PICTURES - 1) / REPORT_PICTURES);
     if (r == 0 && (files.frames_dir || files.geo_dir || files.video_path || files.report_dir))
-        r = frame_output_open(&files, &output, diag);
+        r = output_error(frame_output_open(&files, &output, diag));
     if (r < 0) {
         channel_destroy(channel);
         return r;
@@ -140,10 +149,10 @@ int replay_fly(const struct flight *flight, const struct replay_params *params,
                                        .gpu_memory_mib = gl_memory_used_mib(&gl),
                                        .report_every = files.report_every};
     renderer_loader_counts(channel_renderer(channel), &ret_facts->loader);
-    r = frame_output_close(output, diag);
+    r = output_error(frame_output_close(output, diag));
     channel_destroy(channel);
     if (r == 0 && params->report_dir)
-        r = report_write(ret_report, ret_facts, params->report_dir, diag);
+        r = output_error(report_write(ret_report, ret_facts, params->report_dir, diag));
     return r;
 }
 

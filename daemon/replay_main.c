@@ -189,6 +189,8 @@ static int load_flight(const struct replay_options *options, struct flight **ret
                                    .force_protocol = options->force_protocol,
                                    .protocol = options->protocol};
     r = flight_load(options->flight, &params, ret_flight, diag);
+    if (r == 0 && (*ret_flight)->note.text[0] && !options->quiet)
+        fprintf(stderr, "otwd: %s\n", (*ret_flight)->note.text);
     geoid_close(geoid);
     return r;
 }

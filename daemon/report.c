@@ -65,7 +65,8 @@ static double upload_bytes(const struct report_frame *f)
     return f->upload_bytes;
 }
 
-/* NaN samples (not measured in that frame) are left out. */
+/* NaN samples (not measured in that frame) are left out; all of `ret_distribution` is NaN where
+ * nothing was measured. */
 static int distribution_of(const struct report *report, metric_fn metric,
                            struct distribution *ret_distribution)
 {
@@ -79,6 +80,8 @@ static int distribution_of(const struct report *report, metric_fn metric,
             values[count++] = value;
     }
     distribution_of_values(values, count, ret_distribution);
+    if (count == 0)
+        *ret_distribution = (struct distribution){NAN, NAN, NAN, NAN, NAN, NAN};
     free(values);
     return 0;
 }
@@ -90,13 +93,20 @@ int report_distribution(const struct report *report, enum report_metric metric,
     return distribution_of(report, metrics[metric], ret_distribution);
 }
 
+/* What was not measured is null, not zero. */
+static json_t *json_measure(double value)
+{
+    return isnan(value) ? json_null() : json_real(value);
+}
+
 static json_t *json_distribution(const struct report *report, metric_fn metric)
 {
     struct distribution d = {0};
     if (distribution_of(report, metric, &d) < 0)
         return NULL;
-    return json_pack("{s:f,s:f,s:f,s:f,s:f,s:f}", "min", d.min, "p50", d.p50, "p95", d.p95, "p99",
-                     d.p99, "p999", d.p999, "max", d.max);
+    return json_pack("{s:o,s:o,s:o,s:o,s:o,s:o}", "min", json_measure(d.min), "p50",
+                     json_measure(d.p50), "p95", json_measure(d.p95), "p99", json_measure(d.p99),
+                     "p999", json_measure(d.p999), "max", json_measure(d.max));
 }
 
 /* {p50, `high`: the maximum or the 99th percentile}. */
@@ -105,7 +115,8 @@ static json_t *json_pair(const struct report *report, metric_fn metric, const ch
     struct distribution d = {0};
     if (distribution_of(report, metric, &d) < 0)
         return NULL;
-    return json_pack("{s:f,s:f}", "p50", d.p50, high, strcmp(high, "max") == 0 ? d.max : d.p99);
+    return json_pack("{s:o,s:o}", "p50", json_measure(d.p50), high,
+                     json_measure(strcmp(high, "max") == 0 ? d.max : d.p99));
 }
 
 static long resident_peak_mib(void)

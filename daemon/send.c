@@ -133,13 +133,21 @@ int send_main(int argc, char **argv)
     struct flight_params flight_params = {.geoid = options.params.geoid};
     if (r == 0)
         r = flight_load(options.flight, &flight_params, &flight, &diag);
+    if (flight && flight->note.text[0] && !options.quiet)
+        fprintf(stderr, "otwd: %s\n", flight->note.text);
     if (r == 0)
         r = send_schedule_create(flight, &options.params, &schedule, &diag);
-    if (r == 0)
+    if (r == 0) {
         r = send_run(schedule, options.url, options.params.protocol, &stopping, &result, &diag);
+        if (r < 0 && r != -EINVAL && r != -ENOMEM)
+            r = -ENODEV; /* not a file: the target cannot be reached */
+    }
     if (r == 0 && !options.quiet)
         printf("%llu packets sent, %llu left out, %llu refused\n", (unsigned long long)result.sent,
                (unsigned long long)schedule->left_out, (unsigned long long)result.failed);
+    /* A refusal is heard of at the next packet, so of those to a closed port about half are. */
+    if (r == 0 && result.failed > 0 && result.failed + 1 >= result.sent)
+        r = diag_set(&diag, -ECONNREFUSED, "%s: nobody takes the packets there", options.url);
     send_schedule_destroy(schedule);
     flight_destroy(flight);
     geoid_close(geoid);

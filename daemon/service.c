@@ -192,7 +192,7 @@ static int start_render(struct service *service, struct diag *diag)
     struct render_params params = {.rate_hz = config->display.rate_hz, .notify = &service->notify};
     params.channel.window = service->window;
     config_to_channel(config, &params.channel);
-    if (config->record.directory[0])
+    if (service->recorder)
         params.snapshot_directory = config->record.directory;
     struct pose start;
     int r = choose_terrain(service, &params.channel, &start, diag);

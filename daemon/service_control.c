@@ -30,6 +30,10 @@ static void snapshot(struct service *service)
         log_warning("no snapshot: record.directory is not set, so there is nowhere to put it");
         return;
     }
+    if (!service->recorder) {
+        log_warning("no snapshot: %s could not be written at the start", directory);
+        return;
+    }
     if (service->snapshot_ns && now_ns - service->snapshot_ns < NSEC_PER_SEC) {
         log_warning("no snapshot: the last one is less than a second old");
         return;

@@ -146,8 +146,9 @@ static void try_source(struct source_slot *slot, nsec_t now_ns)
     if (r != 0)
         slot->failed = true;
     else
-        log_info("source %s listens at %s", slot->config->name,
-                 slot->config->listen[0] ? slot->config->listen : slot->config->interface);
+        log_write(NULL, LOG_LEVEL_INFO, &(struct log_about){.source = slot->config->name},
+                  "source %s listens at %s", slot->config->name,
+                  slot->config->listen[0] ? slot->config->listen : slot->config->interface);
 }
 
 /* Open, and its bus up. */

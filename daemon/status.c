@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <sysexits.h>
 
+#include "daemon/cli.h"
 #include "daemon/faults.h"
 #include "io/modbus_client.h"
 
@@ -43,7 +44,7 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
         options->json = true;
         return 0;
     case ARGP_KEY_ARG:
-        argp_error(state, "unexpected argument '%s'", argument);
+        argp_error(state, "unexpected argument \"%s\"", argument);
         return 0;
     default:
         return ARGP_ERR_UNKNOWN;
@@ -199,7 +200,7 @@ int status_main(int argc, char **argv)
     struct status_options options = {.server = "127.0.0.1:1502", .unit = 1, .timeout_ms = 2000};
     struct health health;
     struct diag diag;
-    argp_parse(&parser, argc, argv, 0, NULL, &options);
+    cli_parse(&parser, "status", argc, argv, &options);
     int r = modbus_client_read(options.server, options.unit, options.timeout_ms, &health, &diag);
     if (r < 0) {
         fprintf(stderr, "%s: %s\n", argv[0], diag.text);
@@ -209,5 +210,5 @@ int status_main(int argc, char **argv)
         r = print_json(&health);
     else
         status_print(stdout, &health);
-    return r == 0 && fflush(stdout) != 0 ? EX_IOERR : r;
+    return r;
 }

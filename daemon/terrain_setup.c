@@ -1,6 +1,5 @@
 #include "daemon/terrain_setup.h"
 
-#include <limits.h>
 #include <string.h>
 
 #include "geo/egm96.h"
@@ -10,15 +9,13 @@
 
 int geoid_setup_open(const char *name, struct geoid **ret_geoid, struct diag *diag)
 {
-    char path[PATH_MAX];
     if (strcmp(name, "none") == 0) {
         *ret_geoid = NULL;
         return 0;
     }
     if (strcmp(name, "egm96") != 0)
         return geoid_open(name, ret_geoid, diag);
-    int r = egm96_prepare(path, sizeof(path), diag);
-    return r < 0 ? r : geoid_open(path, ret_geoid, diag);
+    return egm96_open(ret_geoid, diag);
 }
 
 int terrain_setup_open(const char *terrain_path, const char *geoid, struct terrain_setup *ret_setup,

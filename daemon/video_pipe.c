@@ -40,12 +40,28 @@ static int spawn_ffmpeg(const char *path, int width, int height, double rate_hz,
     return r;
 }
 
+bool video_pipe_available(void)
+{
+    const char *path = getenv("PATH");
+    char list[4096], *rest = list;
+    snprintf(list, sizeof(list), "%s", path ? path : "");
+    for (char *directory; (directory = strsep(&rest, ":"));) {
+        char file[4200];
+        snprintf(file, sizeof(file), "%s/ffmpeg", directory);
+        if (access(file, X_OK) == 0)
+            return true;
+    }
+    return false;
+}
+
 int video_pipe_open(const char *path, int width, int height, double rate_hz,
                     struct video_pipe **ret_video, struct diag *diag)
 {
     if (width % 2 || height % 2)
         return diag_set(diag, -EINVAL, "%s: H.264 needs an even width and height, not %dx%d", path,
                         width, height);
+    if (!video_pipe_available())
+        return diag_set(diag, -ENODEV, "%s: ffmpeg is not installed", path);
     int ends[2];
     if (pipe2(ends, O_CLOEXEC) < 0)
         return diag_set(diag, -errno, "cannot make a pipe: %s", strerror(errno));
@@ -87,9 +103,7 @@ int video_pipe_close(struct video_pipe *video, struct diag *diag)
     int status = 0, r = 0;
     while (waitpid(video->child, &status, 0) < 0 && errno == EINTR)
         ;
-    if (WIFEXITED(status) && WEXITSTATUS(status) == 127)
-        r = diag_set(diag, -ENOENT, "%s: ffmpeg is not installed", video->path);
-    else if (!WIFEXITED(status) || WEXITSTATUS(status) != 0)
+    if (!WIFEXITED(status) || WEXITSTATUS(status) != 0)
         r = diag_set(diag, -EIO, "%s: ffmpeg failed", video->path);
     free(video);
     return r;

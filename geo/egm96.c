@@ -5,6 +5,7 @@
 #include "geo/egm96.h"
 
 #include "base/bytes.h"
+#include "geo/geographic.h"
 
 #include <errno.h>
 #include <math.h>
@@ -236,4 +237,35 @@ int egm96_prepare(char *ret_path, size_t size, struct diag *diag)
     }
     memcpy(ret_path, pgm, strlen(pgm) + 1);
     return 0;
+}
+
+/* For this process alone: the file is gone once it is open. */
+static int open_uncached(struct geoid **ret_geoid, struct diag *diag)
+{
+    const char *base = getenv("TMPDIR");
+    char gtx[4096], directory[3072], pgm[4096];
+    int r = find_grid(gtx, sizeof(gtx), diag);
+    if (r == 0)
+        r = path_fits(
+            snprintf(directory, sizeof(directory), "%s/otwd-XXXXXX", base && *base ? base : "/tmp"),
+            sizeof(directory), diag);
+    if (r < 0)
+        return r;
+    if (!mkdtemp(directory))
+        return diag_set(diag, -errno, "geoid cache %s: %s", directory, strerror(errno));
+    snprintf(pgm, sizeof(pgm), "%s/" CACHE_NAME, directory);
+    r = egm96_convert(gtx, pgm, diag);
+    if (r == 0)
+        r = geoid_open(pgm, ret_geoid, diag);
+    unlink(pgm);
+    rmdir(directory);
+    return r;
+}
+
+int egm96_open(struct geoid **ret_geoid, struct diag *diag)
+{
+    char path[4096];
+    if (egm96_prepare(path, sizeof(path), diag) == 0)
+        return geoid_open(path, ret_geoid, diag);
+    return open_uncached(ret_geoid, diag);
 }

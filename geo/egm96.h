@@ -5,6 +5,7 @@
 #pragma once
 
 #include "base/diag.h"
+#include "geo/geographic.h"
 
 #include <stddef.h>
 
@@ -17,6 +18,11 @@
  * grid that is not EGM96; -ENAMETOOLONG; -errno of the file system. Any thread that may read the
  * environment; several processes may do it at once. */
 int egm96_prepare(char *ret_path, size_t size, struct diag *diag);
+
+/* Opens the geoid from that file. Where the cache cannot be used (no home, a file system that is
+ * read only) it is converted for this process alone, below $TMPDIR or /tmp. Errors as above, and
+ * those of geoid_open. */
+int egm96_open(struct geoid **ret_geoid, struct diag *diag);
 
 /* The conversion alone: gtx_path to pgm_path, which appears whole or not at all. */
 int egm96_convert(const char *gtx_path, const char *pgm_path, struct diag *diag);

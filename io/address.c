@@ -2,6 +2,7 @@
 
 #include <arpa/inet.h>
 #include <errno.h>
+#include <netdb.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -55,6 +56,27 @@ int address_parse(const char *text, union address *ret_address, struct diag *dia
     }
     return diag_set(diag, -EINVAL, "\"%s\" does not begin with a numeric IPv4 or [IPv6] address",
                     text);
+}
+
+int address_resolve(const char *text, union address *ret_address, struct diag *diag)
+{
+    char host[256];
+    unsigned port;
+    const char *colon = strrchr(text, ':');
+    size_t length = colon ? (size_t)(colon - text) : 0;
+    if (address_parse(text, ret_address, NULL) == 0)
+        return 0;
+    if (length == 0 || length >= sizeof(host) || parse_number(colon + 1, 65535, &port) < 0)
+        return diag_set(diag, -EINVAL, "\"%s\" is not HOST:PORT with a port from 0 to 65535", text);
+    memcpy(host, text, length);
+    host[length] = '\0';
+    struct addrinfo hints = {.ai_family = AF_INET, .ai_socktype = SOCK_DGRAM}, *found = NULL;
+    int r = getaddrinfo(host, colon + 1, &hints, &found);
+    if (r != 0)
+        return diag_set(diag, -EHOSTUNREACH, "%s: %s", text, gai_strerror(r));
+    memcpy(ret_address, found->ai_addr, found->ai_addrlen);
+    freeaddrinfo(found);
+    return 0;
 }
 
 socklen_t address_length(const union address *address)

@@ -21,6 +21,10 @@ union address {
 /* "A.B.C.D:PORT" or "[V6]:PORT", port 0 to 65535. Returns 0, or -EINVAL with a sentence. */
 int address_parse(const char *text, union address *ret_address, struct diag *diag);
 
+/* The same, or "NAME:PORT" by a look-up, which may take its time: for tools, not for the
+ * daemon. Returns 0, -EINVAL, or -EHOSTUNREACH where the name is not known. */
+int address_resolve(const char *text, union address *ret_address, struct diag *diag);
+
 socklen_t address_length(const union address *address);
 uint16_t address_port(const union address *address);
 

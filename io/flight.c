@@ -163,8 +163,10 @@ int flight_load(const char *path, const struct flight_params *params, struct fli
         return diag_set(diag, -errno, "%s: %s", path, strerror(errno));
     struct stat st;
     int r = fstat(fd, &st) < 0 ? -errno : 0;
-    if (r == 0 && !S_ISREG(st.st_mode))
-        r = S_ISDIR(st.st_mode) ? -EISDIR : -EINVAL;
+    if (r == 0 && !S_ISREG(st.st_mode)) {
+        close(fd);
+        return diag_set(diag, S_ISDIR(st.st_mode) ? -EISDIR : -EBADMSG, "%s: not a file", path);
+    }
     if (r == 0 && st.st_size > FILE_MAX_BYTES)
         r = -EFBIG;
     void *data = NULL;

@@ -22,6 +22,7 @@ struct flight {
     size_t count, capacity;
     nsec_t start_ns; /* the first pose's time in the file's own clock */
     struct intake_counters counters;
+    struct diag note; /* what was passed over, or where the file was cut off; empty: nothing */
 };
 
 /* Reads the file at `path`; what it is follows from its content. Returns 0; -errno where it cannot

@@ -18,9 +18,16 @@ static const struct {
     {"roll_deg", 720.0}, {"pitch_deg", 720.0}, {"heading_deg", 720.0},
 };
 
+/* What spreadsheets put before UTF-8. */
+static size_t byte_order_mark(const struct flight_input *input)
+{
+    return input->size >= 3 && memcmp(input->data, "\xef\xbb\xbf", 3) == 0 ? 3 : 0;
+}
+
 static bool csv_recognises(const struct flight_input *input)
 {
-    return input->size > 0 && (input->data[0] == '#' || input->data[0] == 't');
+    size_t start = byte_order_mark(input);
+    return input->size > start && (input->data[start] == '#' || input->data[start] == 't');
 }
 
 static int read_datum(const char *line, bool *ret_given, enum altitude_datum *ret_datum)
@@ -77,11 +84,14 @@ static int read_numbers(const struct flight_input *input, unsigned line_number, 
         double value = strtod(at, &end);
         while (end != at && *end == ' ')
             end++;
-        char expected = i + 1 < COLUMNS ? ',' : '\0';
-        if (end == at || *end != expected)
-            return diag_set(diag, -EBADMSG, "%s:%u:%zu: %s is not a number%s", input->name,
-                            line_number, (size_t)((end == at ? at : end) - line) + 1,
-                            columns[i].name, end != at && expected ? " followed by a comma" : "");
+        bool last = i + 1 == COLUMNS;
+        if (end == at || isnan(value))
+            return diag_set(diag, -EBADMSG, "%s:%u:%zu: %s is not a number", input->name,
+                            line_number, (size_t)(at - line) + 1, columns[i].name);
+        if (*end != (last ? '\0' : ','))
+            return diag_set(diag, -EBADMSG, "%s:%u:%zu: %s after %s", input->name, line_number,
+                            (size_t)(end - line) + 1, last ? "there is more" : "a comma is missing",
+                            columns[i].name);
         if (!(fabs(value) <= columns[i].limit))
             return diag_set(diag, -EBADMSG, "%s:%u:%zu: %s is %g, beyond %g", input->name,
                             line_number, (size_t)(at - line) + 1, columns[i].name, value,
@@ -111,7 +121,8 @@ static int append_values(const double v[COLUMNS], enum altitude_datum datum,
 static int csv_read(const struct flight_input *input, const struct flight_params *params,
                     struct flight *flight, struct diag *diag)
 {
-    struct line_reader lines = {.data = input->data, .size = input->size};
+    struct line_reader lines = {
+        .data = input->data, .size = input->size, .offset = byte_order_mark(input)};
     enum altitude_datum datum = ALTITUDE_ELLIPSOID;
     int r = read_head(input, &lines, &datum, diag);
     if (r < 0)

@@ -187,6 +187,8 @@ static int take_payload(struct capture *c, const struct flight_params *params,
     struct rejection rejection;
     if (intake_packet(intake, payload->data, payload->size, time_ns, &pose, &rejection) <= 0) {
         diag_set(diag, 0, "%s: byte %zu: %s", c->input->name, c->offset, rejection.text);
+        if (!flight->note.text[0])
+            flight->note = *diag;
         return 0;
     }
     pose.time_ns = time_ns;
@@ -207,15 +209,21 @@ static void add_counters(struct intake_counters *sum, const struct intake_counte
 static int read_records(struct capture *c, const struct flight_params *params,
                         struct flight *flight, struct diag *diag)
 {
-    while (c->input->size - c->offset >= 16) {
+    while (c->offset < c->input->size) {
+        /* A capture that was cut off is good up to there. */
+        size_t rest = c->input->size - c->offset;
+        if (rest < 16 ||
+            (u32_at(c, c->offset + 8) <= RECORD_MAX && u32_at(c, c->offset + 8) > rest - 16)) {
+            diag_set(&flight->note, 0, "%s: byte %zu: it ends within a packet", c->input->name,
+                     c->offset);
+            return 0;
+        }
         nsec_t time_ns = (nsec_t)u32_at(c, c->offset) * NSEC_PER_SEC +
                          (nsec_t)u32_at(c, c->offset + 4) * (c->nanoseconds ? 1 : NSEC_PER_USEC);
         size_t length = u32_at(c, c->offset + 8);
         if (length > RECORD_MAX)
             return diag_set(diag, -EBADMSG, "%s: byte %zu: a packet of %zu bytes", c->input->name,
                             c->offset, length);
-        if (length > c->input->size - c->offset - 16)
-            break; /* a capture that was cut off is good up to there */
         struct payload payload;
         if (udp_payload(c->link, c->input->data + c->offset + 16, length, &payload)) {
             int r = take_payload(c, params, &payload, time_ns, flight, diag);

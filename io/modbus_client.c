@@ -38,11 +38,11 @@ int modbus_client_read(const char *server, unsigned unit, unsigned timeout_ms,
     uint8_t bits[HEALTH_BITS];
     union address address;
     modbus_t *modbus;
-    if (address_parse(server, &address, diag) < 0)
-        return -EINVAL;
+    int r = address_resolve(server, &address, diag);
+    if (r < 0)
+        return r;
     if (open_client(&address, unit, timeout_ms, &modbus) < 0)
         return diag_set(diag, -ENOMEM, "%s: out of memory", server);
-    int r = 0;
     if (modbus_connect(modbus) < 0)
         r = diag_set(diag, error_code(errno), "%s: %s", server, strerror(-error_code(errno)));
     else if (modbus_read_input_registers(modbus, 0, HEALTH_REGISTERS, registers) < 0 ||

@@ -106,6 +106,10 @@ static int format_read(const struct flight_input *input, const struct flight_par
         if (r < 0)
             return r;
     }
+    if (reader.torn)
+        diag_set(&flight->note, 0,
+                 "%s: byte %zu: a record that is cut off or damaged; the flight ends there",
+                 input->name, reader.offset);
     return 0;
 }
 

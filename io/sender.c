@@ -1,7 +1,6 @@
 #include "io/sender.h"
 
 #include <errno.h>
-#include <netdb.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -18,41 +17,23 @@ struct target {
     struct can_bus *bus; /* NULL for UDP */
 };
 
-/* A host's name into its number; a tool that sends may wait for that, a daemon may not. */
-static int resolve(const char *host_port, char ret_text[ADDRESS_TEXT_MAX], struct diag *diag)
-{
-    char host[256];
-    const char *colon = strrchr(host_port, ':');
-    size_t length = colon ? (size_t)(colon - host_port) : 0;
-    if (length == 0 || length >= sizeof(host))
-        return diag_set(diag, -EINVAL, "\"udp://%s\" is not udp://HOST:PORT", host_port);
-    memcpy(host, host_port, length);
-    host[length] = '\0';
-    struct addrinfo hints = {.ai_family = AF_INET, .ai_socktype = SOCK_DGRAM}, *found = NULL;
-    int r = getaddrinfo(host, colon + 1, &hints, &found);
-    if (r != 0)
-        return diag_set(diag, -EINVAL, "udp://%s: %s", host_port, gai_strerror(r));
-    union address address = {0};
-    memcpy(&address, found->ai_addr, found->ai_addrlen);
-    freeaddrinfo(found);
-    address_format(&address, ret_text);
-    return 0;
-}
-
 static int target_open(struct target *target, const char *url, enum pose_protocol protocol,
                        struct diag *diag)
 {
     bool is_udp = strncmp(url, UDP_SCHEME, strlen(UDP_SCHEME)) == 0;
+    if (!is_udp && strncmp(url, "can:", 4) != 0 && strncmp(url, "sim:", 4) != 0)
+        return diag_set(diag, -EINVAL,
+                        "\"%s\" is none of udp://HOST:PORT, can:INTERFACE and sim:PATH", url);
     if (is_udp == (protocol == POSE_PROTOCOL_CANAEROSPACE))
         return diag_set(diag, -EINVAL, "%s does not go over %s", pose_protocol_name(protocol), url);
     if (is_udp) {
-        const char *host_port = url + strlen(UDP_SCHEME);
         char text[ADDRESS_TEXT_MAX];
         union address address;
-        if (address_parse(host_port, &address, NULL) == 0) /* already a number */
-            return udp_connect(&target->udp, host_port, diag);
-        int r = resolve(host_port, text, diag);
-        return r < 0 ? r : udp_connect(&target->udp, text, diag);
+        int r = address_resolve(url + strlen(UDP_SCHEME), &address, diag);
+        if (r < 0)
+            return r;
+        address_format(&address, text);
+        return udp_connect(&target->udp, text, diag);
     }
     int r = can_bus_create(url, &(struct can_bus_params){0}, &target->bus, diag);
     return r == CAN_BUS_DOWN ? -ENETDOWN : r;

@@ -20,6 +20,9 @@ int database_sql_error(const struct database *database, const char *doing, struc
     case SQLITE_CORRUPT:
         return diag_set(diag, -EBADMSG, "%s is damaged or cut short (%s: %s)", database->path,
                         doing, sqlite3_errmsg(database->sql));
+    case SQLITE_ERROR: /* our statements are right: a table or a column is missing */
+        return diag_set(diag, -EBADMSG, "%s is no whole terrain database (%s)", database->path,
+                        sqlite3_errmsg(database->sql));
     case SQLITE_BUSY:
     case SQLITE_LOCKED:
         return diag_set(diag, -EBUSY, "%s is in use by another program that writes it",
@@ -41,7 +44,7 @@ int database_sql_error(const struct database *database, const char *doing, struc
 int database_sql_run(const struct database *database, const char *sql, struct diag *diag)
 {
     if (sqlite3_exec(database->sql, sql, NULL, NULL, NULL) != SQLITE_OK)
-        return database_sql_error(database, sql, diag);
+        return database_sql_error(database, "running a statement", diag);
     return 0;
 }
 
@@ -49,7 +52,7 @@ int database_sql_prepare(const struct database *database, const char *sql,
                          sqlite3_stmt **ret_statement, struct diag *diag)
 {
     if (sqlite3_prepare_v2(database->sql, sql, -1, ret_statement, NULL) != SQLITE_OK)
-        return database_sql_error(database, sql, diag);
+        return database_sql_error(database, "preparing a statement", diag);
     return 0;
 }
 

@@ -83,7 +83,8 @@ struct database_info {
 int database_info(struct database *database, struct database_info *ret_info, struct diag *diag);
 void database_info_finish(struct database_info *info);
 
-/* What verify found wrong; `text` is one sentence. A fault of the file as a whole has level -1. */
+/* What verify found wrong; `text` is one sentence that names the file and the tile. A fault of the
+ * file as a whole has level -1. */
 struct database_fault {
     struct tile_id id;
     const char *text;

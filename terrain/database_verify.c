@@ -16,21 +16,32 @@ struct verifier {
     float *heights, *other; /* the tile, and the one that it is compared with */
 };
 
-static void fault(struct verifier *verifier, struct tile_id id, const char *format, ...)
-    __attribute__((format(printf, 3, 4)));
-
-static void fault(struct verifier *verifier, struct tile_id id, const char *format, ...)
+static void tell(struct verifier *verifier, struct tile_id id, const char *text)
 {
-    char text[DIAG_TEXT_MAX];
-    va_list args;
-    va_start(args, format);
-    vsnprintf(text, sizeof(text), format, args);
-    va_end(args);
     verifier->report.faults++;
     struct database_fault found = {.id = id, .text = text};
     if (verifier->function &&
         verifier->function(verifier->user, &found, verifier->report.tiles, verifier->total))
         verifier->report.stopped = true;
+}
+
+/* A fault of a tile or, where its level is negative, of the database. */
+static void fault(struct verifier *verifier, struct tile_id id, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+
+static void fault(struct verifier *verifier, struct tile_id id, const char *format, ...)
+{
+    struct diag diag;
+    va_list args;
+    va_start(args, format);
+    vsnprintf(diag.text, sizeof(diag.text), format, args);
+    va_end(args);
+    if (id.level >= 0)
+        diag_prefix(&diag, "%s: tile level %d row %d column %d", verifier->database->path, id.level,
+                    id.row, id.col);
+    else
+        diag_prefix(&diag, "%s", verifier->database->path);
+    tell(verifier, id, diag.text);
 }
 
 static bool same_height(float a, float b)
@@ -110,7 +121,8 @@ static void check_north(struct verifier *verifier, struct tile_id id)
     }
 }
 
-/* Every post of the parent that lies in this tile has this tile's height. */
+/* Every post of the parent that lies in this tile has this tile's height. A parent that is absent
+ * has none: it exists only where one of its own posts has data. */
 static void check_parent(struct verifier *verifier, struct tile_id id)
 {
     const struct grid *grid = &verifier->database->grid;
@@ -118,11 +130,11 @@ static void check_parent(struct verifier *verifier, struct tile_id id)
         return;
     struct tile_id parent = grid_parent(grid, id);
     int r = database_read_tile(verifier->database, parent, verifier->other, NULL);
-    if (r == DATABASE_ABSENT)
-        fault(verifier, parent, "the tile is missing: level %d row %d column %d lies below it",
-              id.level, id.row, id.col);
-    if (r != 0)
+    if (r < 0)
         return;
+    bool absent = r == DATABASE_ABSENT;
+    for (int i = 0; absent && i < TILE_POST_COUNT; i++)
+        verifier->other[i] = NAN;
     bool same =
         grid_lon_shift(grid, id.level, id.row) == grid_lon_shift(grid, parent.level, parent.row);
     int first_row, last_row, last_col, up = same ? 2 : 1;
@@ -134,8 +146,9 @@ static void check_parent(struct verifier *verifier, struct tile_id id)
             if (!same_height(verifier->heights[row * TILE_POSTS + col],
                              verifier->other[(row0 + row / 2) * TILE_POSTS + col0 + col / up])) {
                 fault(verifier, parent,
-                      "its heights differ from those of level %d row %d column %d", id.level,
-                      id.row, id.col);
+                      absent ? "the tile is missing: level %d row %d column %d has data there"
+                             : "its heights differ from those of level %d row %d column %d",
+                      id.level, id.row, id.col);
                 return;
             }
 }
@@ -188,7 +201,7 @@ static void check_tile(struct verifier *verifier, struct tile_id id, float min_m
     }
     int r = database_read_tile(verifier->database, id, verifier->heights, &diag);
     if (r < 0) {
-        fault(verifier, id, "%s", diag.text);
+        tell(verifier, id, diag.text);
         return;
     }
     check_range(verifier, id, min_m, max_m);
@@ -277,7 +290,7 @@ int database_verify(struct database *database, database_verify_function function
         r = check_tiles(&verifier, &trouble);
     /* Damage that stops SQLite itself is a finding, too. */
     if (r == -EBADMSG) {
-        fault(&verifier, (struct tile_id){-1, 0, 0}, "%s", trouble.text);
+        tell(&verifier, (struct tile_id){-1, 0, 0}, trouble.text);
         r = 0;
     }
     free(verifier.heights);

@@ -177,9 +177,9 @@ static int open_geoids(struct import_job *job, struct diag *diag)
             "--vertical %s needs that geoid's grid: give it with --geoid FILE (a PGM file "
             "of GeographicLib)",
             import_vertical_name(params->vertical));
-    int r = egm96_prepare(job->egm96_path, sizeof(job->egm96_path), diag);
+    int r = 0;
     for (unsigned i = 0; r == 0 && i < job->jobs; i++) {
-        r = geoid_open(job->egm96_path, &job->geoids[i].egm96, diag);
+        r = egm96_open(&job->geoids[i].egm96, diag);
         if (r == 0 && own)
             r = geoid_open(params->geoid_path, &job->geoids[i].own, diag);
     }

@@ -32,7 +32,6 @@ struct import_job {
     struct database *database;
     unsigned jobs;
     struct import_geoid geoids[IMPORT_JOBS_MAX];
-    char egm96_path[1024];
     struct import_result result;
 };
 

@@ -101,15 +101,17 @@ static void repeated_messages_are_held_back_and_counted(void)
     close_log();
 }
 
-static void faults_are_limited_each_on_its_own(void)
+static void faults_are_limited_each_of_each_source(void)
 {
     open_log(LOG_LEVEL_INFO, NULL);
     for (int i = 0; i < 10; i++) {
         log_fault(FAULT_SOURCE_LOST, "fg", "silent");
         log_fault(FAULT_POSE_REJECTED, "fg", "length %d", i);
+        log_fault(FAULT_POSE_REJECTED, "host", "version %d", i);
     }
     check_matches(log_text, "^[^\n]* warning silent fault=103 source=fg\n"
-                            "[^\n]* notice length 0 fault=104 source=fg\n$");
+                            "[^\n]* notice length 0 fault=104 source=fg\n"
+                            "[^\n]* notice version 0 fault=104 source=host\n$");
     close_log();
 }
 
@@ -313,7 +315,7 @@ int main(void)
         {"a peer cannot forge a line", a_peer_cannot_forge_a_line},
         {"repeated messages are held back and counted",
          repeated_messages_are_held_back_and_counted},
-        {"faults are limited each on its own", faults_are_limited_each_on_its_own},
+        {"faults are limited each of each source", faults_are_limited_each_of_each_source},
         {"the watchdog is fed by frames only", the_watchdog_is_fed_by_frames_only},
         {"the manager hears ready, status and stopping",
          the_manager_hears_ready_status_and_stopping},

@@ -34,9 +34,9 @@ static void csv_is_read_and_its_datum_honoured(void)
         struct flight *flight = NULL;
         struct diag diag = {""};
         snprintf(text, sizeof(text),
-                 "# made by hand\n# altitude: %s\n" CSV_HEADER "10.0,47.5,8.5,500,0,1,350\r\n"
+                 "%s# made by hand\n# altitude: %s\n" CSV_HEADER "10.0,47.5,8.5,500,0,1,350\r\n"
                  "11.0, 47.5 ,8.501,510,10,3,10\n# end\n12.5,47.5,8.502,520,20,5,30",
-                 egm96 ? "egm96" : "ellipsoid");
+                 egm96 ? "\xef\xbb\xbf" : "", egm96 ? "egm96" : "ellipsoid");
         CHECK_INT(load_text(text, &flight, &diag), 0);
         CHECK_STRING(diag.text, "");
         if (!flight)
@@ -73,9 +73,12 @@ static void csv_errors_name_line_and_column(void)
         {"# altitude: ellipsoid\ntime_s,lat_deg,lon\n", "f.txt:2:19: the header is not"},
         {"# altitude: ellipsoid\n" CSV_HEADER "0,1,x,3,4,5,6\n", "f.txt:3:5: lon_deg is not a"},
         {"# altitude: ellipsoid\n" CSV_HEADER "0,91,2,3,4,5,6\n", "f.txt:3:3: lat_deg is 91"},
-        {"# altitude: ellipsoid\n" CSV_HEADER "0,1,2,nan,4,5,6\n", "f.txt:3:7: alt_m is nan"},
-        {"# altitude: ellipsoid\n" CSV_HEADER "0,1,2,3,4,5\n", "f.txt:3:12: pitch_deg"},
-        {"# altitude: ellipsoid\n" CSV_HEADER "0,1,2,3,4,5,6,7\n", "f.txt:3:14: heading_deg"},
+        {"# altitude: ellipsoid\n" CSV_HEADER "0,1,2,nan,4,5,6\n",
+         "f.txt:3:7: alt_m is not a number"},
+        {"# altitude: ellipsoid\n" CSV_HEADER "0,1,2,3,4,5\n",
+         "f.txt:3:12: a comma is missing after pitch_deg"},
+        {"# altitude: ellipsoid\n" CSV_HEADER "0,1,2,3,4,5,6,7\n",
+         "f.txt:3:14: there is more after heading_deg"},
         {"# altitude: ellipsoid\n" CSV_HEADER "1,1,2,3,4,5,6\n1,1,2,3,4,5,6\n",
          "f.txt:4:1: time_s is 1, not after 1"},
         {"# altitude: ellipsoid\n" CSV_HEADER, "holds no pose"},
@@ -180,6 +183,14 @@ static void every_link_type_is_understood(void)
             CHECK_STRING(diag.text, "");
             if (flight)
                 CHECK_NEAR(flight->poses[0].position.height_m, UNDULATION_M, 0.0);
+            flight_destroy(flight);
+            /* Cut off within the next packet's head: good up to there, and it says where. */
+            char note[64];
+            flight = NULL;
+            snprintf(note, sizeof(note), "c.pcap: byte %zu: it ends within a packet", 40 + length);
+            CHECK_INT(flight_load_memory("c.pcap", file, 45 + length, &params, &flight, &diag), 0);
+            if (flight)
+                CHECK_STRING(flight->note.text, note);
             flight_destroy(flight);
             /* Cut off within the packet: nothing is left. */
             flight = NULL;
@@ -416,8 +427,10 @@ static void a_torn_tail_costs_only_itself(void)
     data[size - 1] ^= 1; /* a bit that rotted */
     struct flight *flight = NULL;
     CHECK_INT(flight_load_memory("t", data, size, &params, &flight, NULL), 0);
-    if (flight)
+    if (flight) {
         CHECK_INT(flight->count, 19);
+        CHECK_CONTAINS(flight->note.text, "t: byte 3432: a record that is cut off or damaged");
+    }
     flight_destroy(flight);
     struct diag diag;
     data[8] = 9;

@@ -178,6 +178,31 @@ static void the_cache_lies_where_the_environment_says(void)
     CHECK_CONTAINS(diag.text, "CACHE_DIRECTORY");
 }
 
+static void no_cache_is_no_reason_to_fail(void)
+{
+    char path[4096], empty[4096];
+    struct diag diag = {0};
+    struct geoid *geoid = NULL;
+    if (!prepare_geoid(path, sizeof(path)))
+        return;
+    in_scratch(empty, sizeof(empty), "temporary");
+    CHECK_INT(mkdir(empty, 0700), 0);
+    unsetenv("CACHE_DIRECTORY");
+    setenv("HOME", "/proc", 1);
+    setenv("XDG_CACHE_HOME", "/proc", 1);
+    setenv("TMPDIR", empty, 1);
+    CHECK_INT(egm96_open(&geoid, &diag), 0);
+    if (geoid)
+        CHECK_NEAR(geoid_undulation_m(geoid, 38.6281550, 269.7791550), -31.628, 0.01);
+    geoid_close(geoid);
+    CHECK_INT(rmdir(empty), 0); /* nothing was left */
+    setenv("TMPDIR", "/proc", 1);
+    geoid = NULL;
+    CHECK(egm96_open(&geoid, &diag) < 0);
+    CHECK_CONTAINS(diag.text, "/proc/otwd-");
+    unsetenv("TMPDIR");
+}
+
 static void remove_scratch(void)
 {
     char command[128];
@@ -197,6 +222,7 @@ int main(void)
         {"a cut or foreign grid is refused and leaves nothing",
          a_cut_or_foreign_grid_is_refused_and_leaves_nothing},
         {"the cache lies where the environment says", the_cache_lies_where_the_environment_says},
+        {"no cache is no reason to fail", no_cache_is_no_reason_to_fail},
     };
     strcpy(scratch, "/tmp/otwd-test-geoid-XXXXXX");
     if (!mkdtemp(scratch)) {

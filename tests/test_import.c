@@ -300,6 +300,27 @@ static void test_antimeridian(void)
     CHECK_INT(verify(in("across.db")), 0);
 }
 
+/* Two islands far apart; the eastern one is a single post, which no coarser level has. */
+static double islands(double lon, double lat)
+{
+    bool post = fabs(lon - (16.0 + 61.0 / 120.0)) < 1e-6 && fabs(lat - (47.0 + 1.0 / 120.0)) < 1e-6;
+    return lon < 12.0 ? 100.0 : post ? 500.0 : -9999.0;
+}
+
+static void test_lone_post(void)
+{
+    struct made made = {961,        481,  10.0 - 1 / 240.0, 50.0 + 1 / 240.0, 1 / 120.0,
+                        -1 / 120.0, 4326, GDT_Int16,        -9999.0,          0.0};
+    make_raster(in("islands.tif"), &made, islands);
+    check_run(run("'%s' -o '%s' -q", in("islands.tif"), in("islands.db")), 0);
+    struct terrain_source *source = open_source(in("islands.db"));
+    if (!source)
+        return;
+    CHECK_NEAR(height_at(source, 47.0 + 1.0 / 120.0, 16.0 + 61.0 / 120.0), 500.0, 0.0);
+    terrain_source_destroy(source);
+    CHECK_INT(verify(in("islands.db")), 0);
+}
+
 static void test_ellipsoid(void)
 {
     char grid_path[512];
@@ -472,6 +493,7 @@ static const struct check_test tests[] = {
     {"a projected raster keeps the bound", test_projected},
     {"a raster finer than the grid leaves no seam between tiles", test_finer_than_grid},
     {"a raster across the antimeridian has no seam", test_antimeridian},
+    {"a post that no coarser level has is no fault", test_lone_post},
     {"ellipsoidal heights become EGM96 ones", test_ellipsoid},
     {"what cannot be imported is named, with the right exit status", test_refusals},
     {"--crs is for rasters that have no usable one", test_crs_option},

@@ -149,7 +149,7 @@ static void impossible_wishes_are_named(void)
         -EINVAL);
     CHECK_INT(send_run(schedule, "udp://nowhere", POSE_PROTOCOL_NATIVE, NULL, &result, &diag),
               -EINVAL);
-    CHECK_CONTAINS(diag.text, "udp://HOST:PORT");
+    CHECK_CONTAINS(diag.text, "\"nowhere\" is not HOST:PORT");
     CHECK(send_run(schedule, "sim:/no/such/bus", POSE_PROTOCOL_CANAEROSPACE, NULL, &result, &diag) <
           0);
     CHECK_CONTAINS(diag.text, "/no/such/bus");

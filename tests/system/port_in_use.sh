@@ -37,6 +37,10 @@ kill "$holder" 2>/dev/null
 start second.log "$OTWD" run -c otwd.yaml
 second=$started
 wait_for 10 grep -q 'first frame is out' second.log || fail "a port in use stops the picture"
+for source in first second; do
+    grep -q "another program has that port fault=105 source=$source" second.log ||
+        fail "the second daemon does not name the source $source"
+done
 grep -q "Modbus cannot listen at 127.0.0.1:$modbus" second.log || fail "Modbus: no message"
 kill "$second"
 wait "$second" || fail "the second daemon ended with $?"

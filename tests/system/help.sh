@@ -1,0 +1,38 @@
+#!/bin/sh
+# What is written of the options agrees: each subcommand's --help, otwd(1) and the bash completion.
+source_root=$(cd "$(dirname "$0")/../.." && pwd)
+. "$(dirname "$0")/common.sh"
+
+# The options of a subcommand by its own help; by the manual's section on it; by the completion.
+helped() {
+    sed -n 's/^ *\(-., \)\{0,1\} *--\([a-z-]*\).*/\2/p' help.txt | grep -vx 'help\|usage\|version'
+}
+told() {
+    awk -v name="$1" '/^\.S[sh] / { on = $0 == ".Ss otwd " name } on && /^\.It Fl/' \
+        "$source_root/docs/man/otwd.1" | grep -o 'Fl -[a-z-]*' | sed 's/Fl -//'
+}
+# shellcheck disable=SC2016 # the inner shell's variables
+completed() {
+    bash -c '. "$1"; COMP_WORDS=("$2" "$3" --); COMP_CWORD=2; _otwd; printf "%s\n" "${COMPREPLY[@]}"' \
+        bash "$source_root/docs/completion/otwd.bash" "$OTWD" "$1" |
+        sed 's/^--//' | grep -vx 'help\|usage\|version'
+}
+for name in run replay demo import info verify height send status check-config; do
+    "$OTWD" "$name" --help >help.txt 2>&1
+    if [ $? -eq 69 ]; then # no GDAL, no import
+        cat help.txt
+        continue
+    fi
+    helped | sort >helped.txt
+    told "$name" | sort >told.txt
+    completed "$name" | sort >completed.txt
+    [ -s helped.txt ] || fail "$name: --help tells of no option"
+    diff helped.txt told.txt >"$name.log" || fail "$name: --help (<) and the manual (>) differ"
+    diff helped.txt completed.txt >>"$name.log" ||
+        fail "$name: --help (<) and the completion (>) differ"
+    "$OTWD" "$name" --version | grep -q '^otwd' || fail "$name: no --version"
+    "$OTWD" "$name" --no-such-option 2>wrong.txt
+    [ $? -eq 64 ] || fail "$name: a wrong option is not 64"
+    grep -q -- '--no-such-option' wrong.txt || fail "$name: a wrong option is not named"
+done
+finish
