@@ -20,8 +20,8 @@ poll() {
 }
 
 start_daemon otwd.yaml
-is fault 101 || is code 101 || fail "before any pose the fault is $(field code), not 101"
-is state "pose stale" || is state stale || [ "$(poll -t 3 -r 1)" = 3 ] ||
+wait_for 5 is code 101 || fail "before any pose the fault is $(field code), not 101"
+is state stale || is state "pose stale" || [ "$(poll -t 3 -r 1)" = 3 ] ||
     fail "before any pose the state is $(field state)"
 
 start send.log "$OTWD" send flight.csv --to "udp://127.0.0.1:$port" --rate 30
