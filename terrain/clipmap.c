@@ -7,16 +7,13 @@
 #define HARDWARE_SEGMENTS 64       /* GL_MAX_TESS_GEN_LEVEL that OpenGL guarantees */
 #define PIECE_CELLS       32       /* a side of what is culled by itself; doubled, 64 segments */
 
-static int band_factor(double lat_deg)
+static double band_factor(double lat_deg)
 {
     double cosine = cos(fmin(fabs(lat_deg), 88.0) * M_PI / 180.0);
-    int factor = 1;
-    while (2 * factor * cosine <= 1.0 + 1e-12)
-        factor *= 2;
-    return factor;
+    return exp2(0.25 * round(-4.0 * log2(cosine)));
 }
 
-int clipmap_lon_factor(double lat_deg, int current)
+double clipmap_lon_factor(double lat_deg, double current)
 {
     const double hysteresis_deg = 0.5;
     if (current == band_factor(fabs(lat_deg) - hysteresis_deg) ||
@@ -44,7 +41,7 @@ static int32_t coarser_origin(int32_t finer_origin, int m)
 }
 
 void clipmap_place(const struct clipmap_shape *shape, double lat_deg, double lon_deg,
-                   int lon_factor, struct clipmap_layout *ret_layout)
+                   double lon_factor, struct clipmap_layout *ret_layout)
 {
     int m = clipmap_m(shape);
     assert(shape->levels >= 1 && shape->levels <= CLIPMAP_MAX_LEVELS);

@@ -38,18 +38,19 @@ struct clipmap_window {
 
 /* One consistent placing of all windows. */
 struct clipmap_layout {
-    int lon_factor; /* longitude spacing / latitude spacing: 1, 2, 4, ... */
+    double lon_factor; /* longitude spacing / latitude spacing: a power of the fourth root of 2 */
     struct clipmap_window windows[CLIPMAP_MAX_LEVELS];
 };
 
-/* The power of two that keeps cells between 1 and 2 times as high as wide at this latitude. Stays
+/* The longitude spacing that keeps cells within a tenth of square at this latitude, in bands:
+ * windows then reach as far east as north, and a frame costs the same whichever way it looks. Stays
  * with `current` (0 = none) within half a degree of a change, so that flying along a band's edge
  * does not reload the clipmap. */
-int clipmap_lon_factor(double lat_deg, int current);
+double clipmap_lon_factor(double lat_deg, double current);
 
 /* Places every window about the eye. `lon_deg` may be beyond 180 (see longitude_unwrapped_deg). */
 void clipmap_place(const struct clipmap_shape *shape, double lat_deg, double lon_deg,
-                   int lon_factor, struct clipmap_layout *ret_layout);
+                   double lon_factor, struct clipmap_layout *ret_layout);
 
 /* `lon_deg` moved by whole turns to within half a turn of `near_deg`, so that crossing the
  * antimeridian moves the windows by a step and not around the Earth. */

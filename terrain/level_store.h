@@ -33,7 +33,7 @@ static inline int level_half_posts(const struct clipmap_shape *shape)
 struct level_store {
     const struct clipmap_shape *shape;
     int level;
-    int lon_factor;
+    double lon_factor;
     bool filled;                  /* the window is all there */
     struct clipmap_window window; /* in posts */
     float *altitude_m;            /* [2 storage][2 storage], above the geoid */

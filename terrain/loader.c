@@ -219,7 +219,8 @@ static void answer(struct loader *loader, const struct wish *wish)
         centre_deg = longitude_unwrapped_deg(
             wish->lon_deg, (loader->layout.windows[0].col0 + loader->shape.n / 2.0) *
                                loader->shape.step_deg * loader->layout.lon_factor);
-    int factor = clipmap_lon_factor(wish->lat_deg, loader->placed ? loader->layout.lon_factor : 0);
+    double factor =
+        clipmap_lon_factor(wish->lat_deg, loader->placed ? loader->layout.lon_factor : 0.0);
     clipmap_place(&loader->shape, wish->lat_deg, centre_deg, factor, &layout);
     if (!same_windows(loader, &layout) || wish->finest != loader->finest) {
         struct loader_update *update = NULL;

@@ -24,7 +24,7 @@ static void windows_nest_and_stay_about_the_eye(void)
         int m = clipmap_m(shape), n = shape->n;
         for (int i = 0; i < 2000; i++) {
             double lat = random_between(-80, 80), lon = random_between(-540, 540);
-            int factor = clipmap_lon_factor(lat, 0);
+            double factor = clipmap_lon_factor(lat, 0);
             struct clipmap_layout layout;
             clipmap_place(shape, lat, lon, factor, &layout);
             for (int k = 0; k < shape->levels; k++) {
@@ -200,18 +200,24 @@ static void uncovered_rectangles_complete_the_new_window(void)
     CHECK_INT(wrong, 0);
 }
 
-static void longitude_factors_double_where_the_meridians_close_in(void)
+static void cells_stay_near_square_as_the_meridians_close_in(void)
 {
-    CHECK_INT(clipmap_lon_factor(0, 0), 1);
-    CHECK_INT(clipmap_lon_factor(-59.9, 0), 1);
-    CHECK_INT(clipmap_lon_factor(60.1, 0), 2);
-    CHECK_INT(clipmap_lon_factor(-75.6, 0), 4);
-    CHECK_INT(clipmap_lon_factor(80, 0), 4);
-    /* Within half a degree of the edge it stays what it was; a first choice does not. */
-    CHECK_INT(clipmap_lon_factor(60.3, 1), 1);
-    CHECK_INT(clipmap_lon_factor(59.7, 2), 2);
-    CHECK_INT(clipmap_lon_factor(61.0, 1), 2);
-    CHECK_INT(clipmap_lon_factor(59.0, 2), 1);
+    double worst = 1.0;
+    for (double lat = -82.0; lat <= 82.0; lat += 0.01) {
+        double aspect = clipmap_lon_factor(lat, 0) * cos(lat * M_PI / 180.0);
+        worst = fmax(worst, fmax(aspect, 1.0 / aspect));
+    }
+    CHECK(worst < 1.0906); /* the eighth root of 2 */
+    /* Within half a degree of a band's edge it stays what it was; a first choice does not. */
+    double edge_deg = acos(exp2(-0.125)) * 180.0 / M_PI;
+    double low = clipmap_lon_factor(edge_deg - 0.1, 0),
+           high = clipmap_lon_factor(edge_deg + 0.1, 0);
+    CHECK_NEAR(low, 1.0, 0);
+    CHECK_NEAR(high, exp2(0.25), 0);
+    CHECK_NEAR(clipmap_lon_factor(edge_deg + 0.3, low), low, 0);
+    CHECK_NEAR(clipmap_lon_factor(edge_deg - 0.3, high), high, 0);
+    CHECK_NEAR(clipmap_lon_factor(edge_deg + 1.0, low), high, 0);
+    CHECK_NEAR(clipmap_lon_factor(edge_deg - 1.0, high), low, 0);
 }
 
 static void longitudes_unwrap_to_the_nearest_turn(void)
@@ -255,8 +261,8 @@ int main(void)
         {"no edge needs more than 64 segments", no_edge_needs_more_than_64_segments},
         {"uncovered rectangles complete the new window",
          uncovered_rectangles_complete_the_new_window},
-        {"longitude factors double where the meridians close in",
-         longitude_factors_double_where_the_meridians_close_in},
+        {"cells stay near square as the meridians close in",
+         cells_stay_near_square_as_the_meridians_close_in},
         {"longitudes unwrap to the nearest turn", longitudes_unwrap_to_the_nearest_turn},
         {"fine levels fade before they go", fine_levels_fade_before_they_go},
     };
