@@ -38,8 +38,6 @@ struct renderer {
 
     /* From the last update applied. */
     double ground_m, undulation_m;
-    double eye_lat_deg, eye_lon_deg;
-    struct geodetic wished;
     struct renderer_frame frame;
 };
 
@@ -183,7 +181,6 @@ void renderer_wish(struct renderer *renderer, const struct geodetic *eye)
     float fade;
     int finest = clipmap_finest_level(&renderer->shape, eye->height_m - renderer->ground_m, &fade);
     loader_wish(renderer->loader, eye->lat_deg, eye->lon_deg, finest > 0 ? finest - 1 : 0);
-    renderer->wished = *eye;
 }
 
 void renderer_wait(struct renderer *renderer)
@@ -198,8 +195,6 @@ static void apply_updates(struct renderer *renderer)
         clipmap_pass_apply(renderer->clipmap, update);
         renderer->ground_m = update->ground_m;
         renderer->undulation_m = update->undulation_m;
-        renderer->eye_lat_deg = update->eye_lat_deg;
-        renderer->eye_lon_deg = update->eye_lon_deg;
         renderer->held[renderer->held_count++] = update;
     }
 }
@@ -340,9 +335,4 @@ unsigned renderer_depth_framebuffer(const struct renderer *renderer)
 void renderer_loader_counts(const struct renderer *renderer, struct loader_counts *ret_counts)
 {
     loader_counts(renderer->loader, ret_counts);
-}
-
-bool renderer_pending(const struct renderer *renderer)
-{
-    return loader_pending(renderer->loader);
 }

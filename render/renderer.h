@@ -63,4 +63,3 @@ unsigned renderer_framebuffer(const struct renderer *renderer);
 unsigned renderer_depth_framebuffer(const struct renderer *renderer);
 
 void renderer_loader_counts(const struct renderer *renderer, struct loader_counts *ret_counts);
-bool renderer_pending(const struct renderer *renderer);

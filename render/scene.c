@@ -127,14 +127,11 @@ void scene_set_levels(const struct view *view, const struct clipmap_shape *shape
     double bow = 1.0 + fabs(tan(view->eye.lat_deg * DEGREE));
     for (int k = 0; k < shape->levels; k++) {
         const struct clipmap_window *own = &layout->windows[k];
-        const struct clipmap_window *up = &layout->windows[k + 1 < shape->levels ? k + 1 : k];
         double side_m = ldexp((m + 1) * row_step * DEGREE * WGS84_A, k);
         scene->levels[k] = (struct scene_level){
             .origin = {(int32_t)((int64_t)own->col0 * (1 << k) - base_col),
                        (int32_t)((int64_t)own->row0 * (1 << k) - base_row), own->col0 & mask,
                        own->row0 & mask},
-            .coarser = {own->col0 - 2 * up->col0, own->row0 - 2 * up->row0, up->col0 & mask,
-                        up->row0 & mask},
             .blend = {(float)clamped(ldexp(col, -k) - own->col0, half, LAG_POSTS),
                       (float)clamped(ldexp(row, -k) - own->row0, half, LAG_POSTS),
                       (float)(half - width - LAG_POSTS), (float)(1.0 / width)},

@@ -9,7 +9,6 @@
 
 struct scene_level {
     int32_t origin[4];
-    int32_t coarser[4];
     float blend[4];
     float fade[4];
 };
@@ -29,7 +28,7 @@ struct scene_block {
     struct scene_level levels[CLIPMAP_MAX_LEVELS];
 };
 
-_Static_assert(sizeof(struct scene_level) == 64, "std140 stride of Level");
+_Static_assert(sizeof(struct scene_level) == 48, "std140 stride of Level");
 _Static_assert(offsetof(struct scene_block, planes) == 64, "std140");
 _Static_assert(offsetof(struct scene_block, eye_trig) == 128, "std140");
 _Static_assert(offsetof(struct scene_block, view_rays) == 208, "std140");

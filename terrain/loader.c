@@ -181,8 +181,6 @@ static void fill_update(struct loader *loader, const struct wish *wish,
     update->height_count = update->surface_count = 0;
     update->layout = *layout;
     update->finest = wish->finest;
-    update->eye_lat_deg = wish->lat_deg;
-    update->eye_lon_deg = wish->lon_deg;
     for (int level = loader->shape.levels - 1; level >= 0; level--) {
         if (level >= wish->finest)
             move_level(loader, level, layout, update);

@@ -47,7 +47,6 @@ struct loader_update {
     int slot; /* which arena */
     struct clipmap_layout layout;
     int finest;                      /* the finest level that is filled */
-    double eye_lat_deg, eye_lon_deg; /* the wish that it answers */
     float ground_m;                  /* ellipsoidal height of the ground below that eye */
     float undulation_m;              /* of the geoid there */
     unsigned strip_count;

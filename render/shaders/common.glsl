@@ -5,8 +5,6 @@ const int MAX_LEVELS = 20;
 struct Level {
     ivec4 origin; // xy: column and row of the window's first post in finest posts from the eye's
                   //     base post; zw: the same post's place in the toroidal storage
-    ivec4 coarser; // xy: that first post from the coarser window's first post, in own posts;
-                   // zw: the coarser window's first post in its storage
     vec4 blend;   // xy: the eye in posts from the window's first post; z: where the blend starts,
                   // in posts from there; w: 1 / its width
     vec4 fade;    // x: least blend of the whole level; y: metres by which a block bulges over its
