@@ -46,9 +46,9 @@ struct loader_bounds {
 struct loader_update {
     int slot; /* which arena */
     struct clipmap_layout layout;
-    int finest;                      /* the finest level that is filled */
-    float ground_m;                  /* ellipsoidal height of the ground below that eye */
-    float undulation_m;              /* of the geoid there */
+    int finest;         /* the finest level that is filled */
+    float ground_m;     /* ellipsoidal height of the ground below that eye */
+    float undulation_m; /* of the geoid there */
     unsigned strip_count;
     struct loader_strip strips[LOADER_MAX_STRIPS];
     struct loader_height *heights; /* in the arena */
