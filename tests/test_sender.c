@@ -195,7 +195,7 @@ static uint64_t fly(enum pose_protocol protocol, const char *listen, struct pose
     if (protocol == POSE_PROTOCOL_CANAEROSPACE)
         snprintf(ret_sending->url, sizeof(ret_sending->url), "%s", listen);
     else
-        snprintf(ret_sending->url, sizeof(ret_sending->url), "udp://localhost:%u",
+        snprintf(ret_sending->url, sizeof(ret_sending->url), "udp://127.0.0.1:%u",
                  pose_source_port(source));
     pthread_t thread;
     CHECK_INT(pthread_create(&thread, NULL, send_all, ret_sending), 0);
