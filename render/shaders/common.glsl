@@ -63,7 +63,7 @@ vec3 displayed(vec3 radiance)
     radiance = radiance * (1.0 + radiance * 0.12) / (1.0 + radiance * 0.55);
     return sqrt(clamp(radiance * 1.12, 0.0, 1.0));
 }
-// Positions relative to the eye on WGS84 by differences that do not cancel (docs/geodesy.md).
+// Positions relative to the eye on WGS84 by differences that do not cancel.
 
 const float WGS84_A = 6378137.0;
 const float WGS84_E2 = 6.69437999014e-3;
