@@ -1,229 +1,11 @@
-#include "terrain/database_internal.h"
-
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
-#include <zlib.h>
 
-#include "base/bytes.h"
-#include "terrain/tile_codec.h"
-
-int database_sql_error(const struct database *database, const char *doing, struct diag *diag)
-{
-    int code = sqlite3_errcode(database->sql);
-    switch (code & 0xff) {
-    case SQLITE_NOTADB:
-        return diag_set(diag, -EBADMSG, "%s is not a terrain database", database->path);
-    case SQLITE_CORRUPT:
-        return diag_set(diag, -EBADMSG, "%s is damaged or cut short (%s: %s)", database->path,
-                        doing, sqlite3_errmsg(database->sql));
-    case SQLITE_ERROR: /* our statements are right: a table or a column is missing */
-        return diag_set(diag, -EBADMSG, "%s is no whole terrain database (%s)", database->path,
-                        sqlite3_errmsg(database->sql));
-    case SQLITE_BUSY:
-    case SQLITE_LOCKED:
-        return diag_set(diag, -EBUSY, "%s is in use by another program that writes it",
-                        database->path);
-    case SQLITE_FULL:
-        return diag_set(diag, -ENOSPC, "%s: no space left on the device (%s)", database->path,
-                        doing);
-    case SQLITE_NOMEM:
-        return diag_set(diag, -ENOMEM, "%s: out of memory (%s)", database->path, doing);
-    case SQLITE_READONLY:
-    case SQLITE_PERM:
-        return diag_set(diag, -EACCES, "%s cannot be written (%s)", database->path, doing);
-    default:
-        return diag_set(diag, -EIO, "%s: %s: %s", database->path, doing,
-                        sqlite3_errmsg(database->sql));
-    }
-}
-
-int database_sql_run(const struct database *database, const char *sql, struct diag *diag)
-{
-    if (sqlite3_exec(database->sql, sql, NULL, NULL, NULL) != SQLITE_OK)
-        return database_sql_error(database, "running a statement", diag);
-    return 0;
-}
-
-int database_sql_prepare(const struct database *database, const char *sql,
-                         sqlite3_stmt **ret_statement, struct diag *diag)
-{
-    if (sqlite3_prepare_v2(database->sql, sql, -1, ret_statement, NULL) != SQLITE_OK)
-        return database_sql_error(database, "preparing a statement", diag);
-    return 0;
-}
-
-int database_sql_step(const struct database *database, sqlite3_stmt *statement, const char *doing,
-                      struct diag *diag)
-{
-    switch (sqlite3_step(statement)) {
-    case SQLITE_ROW:
-        return 1;
-    case SQLITE_DONE:
-        return 0;
-    default:
-        return database_sql_error(database, doing, diag);
-    }
-}
-
-uint32_t database_tile_checksum(struct tile_id id, float min_m, float max_m, uint32_t posts,
-                                const void *payload, size_t payload_size, const void *origin,
-                                size_t origin_size)
-{
-    uint8_t head[24];
-    struct byte_writer writer = {.data = head, .size = sizeof(head)};
-    byte_writer_put(&writer, (uint32_t)id.level, 4, false);
-    byte_writer_put(&writer, (uint32_t)id.row, 4, false);
-    byte_writer_put(&writer, (uint32_t)id.col, 4, false);
-    byte_writer_put(&writer, bits_from_float(min_m), 4, false);
-    byte_writer_put(&writer, bits_from_float(max_m), 4, false);
-    byte_writer_put(&writer, posts, 4, false);
-    uLong crc = crc32(crc32(0, NULL, 0), head, sizeof(head));
-    if (payload_size)
-        crc = crc32(crc, payload, (uInt)payload_size);
-    if (origin_size)
-        crc = crc32(crc, origin, (uInt)origin_size);
-    return (uint32_t)crc;
-}
-
-int database_set_meta(struct database *database, const char *key, const char *value,
-                      struct diag *diag)
-{
-    sqlite3_stmt *statement = NULL;
-    int r = database_sql_prepare(database, "INSERT OR REPLACE INTO metadata VALUES(?1, ?2)",
-                                 &statement, diag);
-    if (r == 0) {
-        sqlite3_bind_text(statement, 1, key, -1, SQLITE_STATIC);
-        sqlite3_bind_text(statement, 2, value, -1, SQLITE_STATIC);
-        r = database_sql_step(database, statement, "writing metadata", diag);
-    }
-    sqlite3_finalize(statement);
-    return r;
-}
-
-int database_meta_checksum(const struct database *database, uint32_t *ret_checksum,
-                           struct diag *diag)
-{
-    sqlite3_stmt *statement = NULL;
-    int r = database_sql_prepare(
-        database,
-        "SELECT key || '=' || value || char(10) FROM metadata WHERE key <> 'checksum' "
-        "ORDER BY key",
-        &statement, diag);
-    uLong crc = crc32(0, NULL, 0);
-    while (r >= 0 && (r = database_sql_step(database, statement, "reading metadata", diag)) == 1) {
-        const unsigned char *line = sqlite3_column_text(statement, 0);
-        crc = crc32(crc, line, (uInt)sqlite3_column_bytes(statement, 0));
-    }
-    sqlite3_finalize(statement);
-    if (r == 0)
-        *ret_checksum = (uint32_t)crc;
-    return r;
-}
-
-int database_seal_meta(struct database *database, struct diag *diag)
-{
-    uint32_t checksum;
-    int r = database_meta_checksum(database, &checksum, diag);
-    char text[16];
-    snprintf(text, sizeof(text), "%08x", r == 0 ? checksum : 0);
-    return r < 0 ? r : database_set_meta(database, "checksum", text, diag);
-}
-
-/* Reads one value; empty where the key is absent. */
-static int get_meta(const struct database *database, const char *key, char *ret_value, size_t size,
-                    struct diag *diag)
-{
-    sqlite3_stmt *statement = NULL;
-    int r = database_sql_prepare(database, "SELECT value FROM metadata WHERE key = ?1", &statement,
-                                 diag);
-    if (r == 0) {
-        sqlite3_bind_text(statement, 1, key, -1, SQLITE_STATIC);
-        r = database_sql_step(database, statement, "reading metadata", diag);
-        const unsigned char *text = r == 1 ? sqlite3_column_text(statement, 0) : NULL;
-        snprintf(ret_value, size, "%s", text ? (const char *)text : "");
-    }
-    sqlite3_finalize(statement);
-    return r < 0 ? r : 0;
-}
-
-static int get_pragma(const struct database *database, const char *sql, int64_t *ret_value,
-                      struct diag *diag)
-{
-    sqlite3_stmt *statement = NULL;
-    int r = database_sql_prepare(database, sql, &statement, diag);
-    if (r == 0)
-        r = database_sql_step(database, statement, sql, diag);
-    if (r == 1)
-        *ret_value = sqlite3_column_int64(statement, 0);
-    sqlite3_finalize(statement);
-    return r < 0 ? r : 0;
-}
-
-static int check_version(const struct database *database, struct diag *diag)
-{
-    int64_t application = 0, version = 0;
-    int r = get_pragma(database, "PRAGMA application_id", &application, diag);
-    if (r == 0)
-        r = get_pragma(database, "PRAGMA user_version", &version, diag);
-    if (r < 0)
-        return r;
-    if (application != DATABASE_APPLICATION_ID)
-        return diag_set(diag, -EBADMSG, "%s is not a terrain database", database->path);
-    if (version != DATABASE_FORMAT_VERSION)
-        return diag_set(diag, -EPROTONOSUPPORT,
-                        "%s has format version %lld; this program reads version %d", database->path,
-                        (long long)version, DATABASE_FORMAT_VERSION);
-    return 0;
-}
-
-static int check_meta_checksum(const struct database *database, struct diag *diag)
-{
-    char stored[32];
-    uint32_t computed = 0;
-    int r = get_meta(database, "checksum", stored, sizeof(stored), diag);
-    if (r == 0)
-        r = database_meta_checksum(database, &computed, diag);
-    if (r == 0 && strtoul(stored, NULL, 16) != computed)
-        return diag_set(diag, -EBADMSG, "%s: the metadata is damaged (checksum)", database->path);
-    return r;
-}
-
-int database_load_meta(struct database *database, struct diag *diag)
-{
-    char posts[32], error[64], exponent[32], complete[8];
-    int r = check_version(database, diag);
-    if (r == 0)
-        r = check_meta_checksum(database, diag);
-    if (r == 0)
-        r = get_meta(database, "posts_per_degree", posts, sizeof(posts), diag);
-    if (r == 0)
-        r = get_meta(database, "max_error_m", error, sizeof(error), diag);
-    if (r == 0)
-        r = get_meta(database, "step_exponent", exponent, sizeof(exponent), diag);
-    if (r == 0)
-        r = get_meta(database, "complete", complete, sizeof(complete), diag);
-    if (r < 0)
-        return r;
-    long posts_per_degree = strtol(posts, NULL, 10), step = strtol(exponent, NULL, 10);
-    if (posts_per_degree < 1 || posts_per_degree > GRID_POSTS_PER_DEGREE_MAX ||
-        (step != TILE_LOSSLESS && (step < TILE_EXPONENT_MIN || step > TILE_EXPONENT_MAX)))
-        return diag_set(diag, -EBADMSG, "%s: the metadata has impossible values", database->path);
-    grid_init(&database->grid, (int32_t)posts_per_degree);
-    database->max_error_m = strtod(error, NULL);
-    database->exponent = (int8_t)step;
-    database->complete = strcmp(complete, "1") == 0;
-    int64_t top = -1;
-    r = get_pragma(database, "SELECT coalesce(max(level), -1) FROM tiles", &top, diag);
-    database->top_level = (int)top;
-    if (r == 0 && (top < -1 || top > database->grid.top_level))
-        return diag_set(diag, -EBADMSG, "%s has tiles on level %lld, which cannot be",
-                        database->path, (long long)top);
-    return r;
-}
+#include "terrain/database_internal.h"
 
 /* SQLite's URI form of a path: only what has a meaning in a URI is escaped. */
 static void immutable_uri(const char *path, char *ret_uri, size_t size)
@@ -255,13 +37,49 @@ static int open_read_only(struct database *database, struct diag *diag)
     return r == SQLITE_OK ? 0 : database_sql_error(database, "opening", diag);
 }
 
-int database_open(const char *path, struct database **ret_database, struct diag *diag)
+/* Why a path cannot be opened: perhaps its first import has not come to its end. */
+static int not_there(const char *path, int error, struct diag *diag)
+{
+    char part[DATABASE_NAME_MAX + 16];
+    struct stat status;
+    snprintf(part, sizeof(part), "%s" DATABASE_PART_SUFFIX, path);
+    if (error == ENOENT && stat(part, &status) == 0)
+        return diag_set(diag, -EBUSY,
+                        "%s is not complete: its import runs or was interrupted "
+                        "(run the same import again to finish it)",
+                        path);
+    return diag_set(diag, -error, "%s: %s", path, strerror(error));
+}
+
+static int refuse_part(const struct database *database, struct diag *diag)
+{
+    char shard[32];
+    int r = database_get_meta(database, "shard", shard, sizeof(shard), diag);
+    if (r < 0)
+        return r;
+    if (shard[0])
+        return diag_set(diag, -EBUSY,
+                        "%s is shard %s of an import: put all of them together with otwd merge",
+                        database->path, shard);
+    return diag_set(diag, -EBUSY, "%s belongs to an import that runs or was interrupted",
+                    database->path);
+}
+
+int database_prepare(struct database *database, struct diag *diag)
+{
+    return database_sql_prepare(database, "SELECT " TILE_COLUMNS " FROM tiles WHERE key = ?1",
+                                &database->read_tile, diag);
+}
+
+int database_open_any(const char *path, struct database **ret_database, struct diag *diag)
 {
     struct stat status;
     if (stat(path, &status) < 0)
-        return diag_set(diag, -errno, "%s: %s", path, strerror(errno));
-    if (!S_ISREG(status.st_mode) || strlen(path) >= DATABASE_NAME_MAX)
+        return not_there(path, errno, diag);
+    if (!S_ISREG(status.st_mode) || status.st_size == 0)
         return diag_set(diag, -EBADMSG, "%s is not a terrain database", path);
+    if (strlen(path) >= DATABASE_NAME_MAX)
+        return diag_set(diag, -ENAMETOOLONG, "%s: the name is too long", path);
     struct database *database = calloc(1, sizeof(*database));
     if (!database)
         return -ENOMEM;
@@ -269,16 +87,21 @@ int database_open(const char *path, struct database **ret_database, struct diag 
     int r = open_read_only(database, diag);
     if (r == 0)
         r = database_load_meta(database, diag);
-    if (r == 0 && !database->complete)
-        r = diag_set(diag, -EBUSY,
-                     "%s is not complete: its import runs or was interrupted "
-                     "(run the same import again to finish it)",
-                     path);
     if (r == 0)
-        r = database_sql_prepare(database,
-                                 "SELECT min_m, max_m, checksum, payload, posts, origin FROM tiles "
-                                 "WHERE level = ?1 AND row = ?2 AND col = ?3",
-                                 &database->read_tile, diag);
+        r = database_prepare(database, diag);
+    if (r == 0)
+        *ret_database = database;
+    else
+        database_close(database);
+    return r;
+}
+
+int database_open(const char *path, struct database **ret_database, struct diag *diag)
+{
+    struct database *database = NULL;
+    int r = database_open_any(path, &database, diag);
+    if (r == 0 && database->part)
+        r = refuse_part(database, diag);
     if (r == 0)
         *ret_database = database;
     else
@@ -292,8 +115,6 @@ void database_close(struct database *database)
         return;
     sqlite3_finalize(database->read_tile);
     sqlite3_finalize(database->write_tile);
-    if (database->writable && database->complete) /* a finished file is one file */
-        sqlite3_exec(database->sql, "PRAGMA journal_mode=DELETE", NULL, NULL, NULL);
     sqlite3_close(database->sql);
     free(database);
 }
@@ -308,32 +129,66 @@ int database_top_level(const struct database *database)
     return database->top_level;
 }
 
-static int decode_row(sqlite3_stmt *row, struct tile_id id, float *ret_heights_m, struct diag *diag)
+double database_step_m(const struct database *database)
 {
-    float min_m = (float)sqlite3_column_double(row, 0),
-          max_m = (float)sqlite3_column_double(row, 1);
-    uint32_t checksum = (uint32_t)sqlite3_column_int64(row, 2);
-    const void *payload = sqlite3_column_blob(row, 3), *origin = sqlite3_column_blob(row, 5);
-    size_t size = (size_t)sqlite3_column_bytes(row, 3);
-    if (checksum != database_tile_checksum(id, min_m, max_m, (uint32_t)sqlite3_column_int64(row, 4),
-                                           payload, size, origin,
-                                           (size_t)sqlite3_column_bytes(row, 5)))
-        return diag_set(diag, -EBADMSG, "the checksum is wrong");
-    return tile_decode(payload, size, ret_heights_m, diag);
+    return database->step_m;
 }
 
-int database_read_tile(struct database *database, struct tile_id id, float *ret_heights_m,
-                       struct diag *diag)
+double database_max_error_m(const struct database *database)
+{
+    return database->max_error_m;
+}
+
+static uint8_t *copy_blob(sqlite3_stmt *row, int column, size_t *ret_size)
+{
+    size_t size = (size_t)sqlite3_column_bytes(row, column);
+    const void *blob = sqlite3_column_blob(row, column);
+    uint8_t *copy = malloc(size ? size : 1);
+    if (copy && size)
+        memcpy(copy, blob, size);
+    *ret_size = size;
+    return copy;
+}
+
+static float height_column(sqlite3_stmt *row, int column)
+{
+    return sqlite3_column_type(row, column) == SQLITE_NULL
+               ? NAN
+               : (float)sqlite3_column_double(row, column);
+}
+
+int database_take_record(sqlite3_stmt *row, struct tile_record *ret_record, struct diag *diag)
+{
+    struct tile_record record = {
+        .id = tile_id_from_key(sqlite3_column_int64(row, 0)),
+        .min_m = height_column(row, 1),
+        .max_m = height_column(row, 2),
+        .error_m = sqlite3_column_double(row, 3),
+        .posts = (uint32_t)sqlite3_column_int64(row, 4),
+        .children = (uint8_t)sqlite3_column_int64(row, 5),
+    };
+    int r = 0;
+    record.payload = copy_blob(row, 7, &record.payload_size);
+    record.origin = copy_blob(row, 8, &record.origin_size);
+    if (!record.payload || !record.origin)
+        r = -ENOMEM;
+    else if (record.payload_size > SYMBOL_PAYLOAD_MAX || record.origin_size > SYMBOL_PAYLOAD_MAX ||
+             sqlite3_column_int64(row, 6) != (int64_t)tile_record_checksum(&record))
+        r = diag_set(diag, -EBADMSG, "the checksum is wrong");
+    if (r == 0)
+        *ret_record = record;
+    else
+        tile_record_finish(&record);
+    return r;
+}
+
+int database_read_record(struct database *database, struct tile_id id,
+                         struct tile_record *ret_record, struct diag *diag)
 {
     sqlite3_stmt *statement = database->read_tile;
-    sqlite3_bind_int(statement, 1, id.level);
-    sqlite3_bind_int(statement, 2, id.row);
-    sqlite3_bind_int(statement, 3, id.col);
+    sqlite3_bind_int64(statement, 1, tile_key(id));
     int r = database_sql_step(database, statement, "reading a tile", diag);
-    if (r == 0)
-        r = DATABASE_ABSENT;
-    else if (r == 1)
-        r = decode_row(statement, id, ret_heights_m, diag);
+    r = r == 0 ? DATABASE_ABSENT : r == 1 ? database_take_record(statement, ret_record, diag) : r;
     sqlite3_reset(statement);
     if (r < 0)
         diag_prefix(diag, "%s: tile level %d row %d column %d", database->path, id.level, id.row,

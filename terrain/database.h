@@ -11,12 +11,14 @@
 #include "base/diag.h"
 #include "terrain/grid.h"
 #include "terrain/source.h"
+#include "terrain/tile_record.h"
 
 #define DATABASE_APPLICATION_ID 0x4f545744 /* "OTWD" */
-#define DATABASE_FORMAT_VERSION 1
+#define DATABASE_PART_ID        0x4f545750 /* "OTWP": of an import that runs, or a shard */
+#define DATABASE_FORMAT_VERSION 2
 
 #define DATABASE_NAME_MAX    512
-#define DATABASE_SOURCES_MAX 65535
+#define DATABASE_SOURCES_MAX 32767
 
 struct database;
 
@@ -35,22 +37,28 @@ const struct grid *database_grid(const struct database *database);
 /* The coarsest level that has tiles. */
 int database_top_level(const struct database *database);
 
+/* Metres between two heights that follow each other; 0 = lossless. terrain/height_step.h. */
+double database_step_m(const struct database *database);
+double database_max_error_m(const struct database *database);
+
 enum database_read {
-    DATABASE_ABSENT = 1, /* there is no such tile: no data there */
+    DATABASE_ABSENT = 1, /* there is no such tile */
 };
 
-/* Reads, checks and decodes one tile into TILE_POST_COUNT heights (NaN = no data). Returns 0,
- * DATABASE_ABSENT, -EBADMSG where its checksum or its payload is wrong, -EIO. `diag` then names
- * level, row and column. */
-int database_read_tile(struct database *database, struct tile_id id, float *ret_heights_m,
-                       struct diag *diag);
+/* Reads one tile, its checksum checked, into a record that the caller finishes. Returns 0,
+ * DATABASE_ABSENT, -EBADMSG where its checksum is wrong, -EIO, -ENOMEM. `diag` then names level,
+ * row and column. */
+int database_read_record(struct database *database, struct tile_id id,
+                         struct tile_record *ret_record, struct diag *diag);
 
 /* One imported raster. */
 struct database_source_info {
     char name[DATABASE_NAME_MAX];
     char vertical[16]; /* of the source: egm96, egm2008, egm84, ellipsoid */
     int priority;
-    bool exact; /* its posts lie on the grid: nothing was resampled */
+    bool exact;    /* its posts lie on the grid: nothing was resampled */
+    double unit_m; /* its heights are multiples of this; 0 = any */
+    int level;     /* the level that it was sampled on: 0, or a coarser one for a coarse raster */
     uint64_t bytes;
     int32_t width, height;
     double south_deg, west_deg, north_deg, east_deg; /* of its posts; east may exceed 180 */
@@ -58,12 +66,14 @@ struct database_source_info {
 
 struct database_level_info {
     uint64_t tiles, bytes; /* of payloads */
+    double error_m;        /* the largest bound of its tiles */
 };
 
 struct database_info {
     char path[DATABASE_NAME_MAX];
     int version;
     int32_t posts_per_degree;
+    unsigned lon_bias;
     double finest_lat_step_deg, finest_lon_step_deg; /* longitude: at the extent's equator side */
     double south_deg, west_deg, north_deg,
         east_deg; /* of posts that have data; east may exceed 180 */
@@ -72,7 +82,7 @@ struct database_info {
     double step_m;      /* heights are multiples of it; 0 = stored as they came */
     int levels;
     struct database_level_info level[GRID_LEVELS_MAX];
-    uint64_t posts; /* with data on the finest level, shared borders counted once */
+    uint64_t posts; /* with data, on the finest level that is there, shared borders counted once */
     uint64_t file_bytes;
     double bytes_per_post; /* file over posts */
     size_t source_count;
@@ -95,13 +105,13 @@ struct database_verify_report {
     bool stopped;
 };
 
-/* Called for every fault and (with NULL) once for every tile row done; true stops. */
+/* Called for every fault and (with NULL) now and then; true stops. */
 typedef bool (*database_verify_function)(void *user, const struct database_fault *fault,
                                          uint64_t tiles_done, uint64_t tiles_total);
 
 /* Decodes every tile and checks: SQLite's own structure, checksums, minimum and maximum, that
  * shared borders are equal in both tiles, that every post of a coarser level equals the finer
- * level's, that no tile is missing. Returns 0 where it could look at everything (faults are in the
+ * level's, that the stated error holds, that no tile is missing. Returns 0 where it could look at everything (faults are in the
  * report), or -errno. `function` may be NULL. */
 int database_verify(struct database *database, database_verify_function function, void *user,
                     struct database_verify_report *ret_report, struct diag *diag);

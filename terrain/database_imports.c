@@ -1,4 +1,4 @@
-/* The table of sources: what was imported, and how far. */
+/* The table of sources: what was imported. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -6,70 +6,42 @@
 #include "terrain/database_internal.h"
 #include "terrain/database_writer.h"
 
-static int bind_and_insert(struct database *database, sqlite3_stmt *statement,
-                           const struct database_import *import, struct diag *diag)
+static int insert_import(struct database *database, sqlite3_stmt *statement,
+                         const struct database_import *import, struct diag *diag)
 {
     const struct database_source_info *info = &import->info;
-    sqlite3_bind_text(statement, 1, import->key, -1, SQLITE_STATIC);
-    sqlite3_bind_text(statement, 2, info->name, -1, SQLITE_STATIC);
-    sqlite3_bind_text(statement, 3, info->vertical, -1, SQLITE_STATIC);
-    sqlite3_bind_int(statement, 4, info->priority);
-    sqlite3_bind_int(statement, 5, info->exact);
-    sqlite3_bind_int64(statement, 6, (int64_t)info->bytes);
-    sqlite3_bind_int(statement, 7, info->width);
-    sqlite3_bind_int(statement, 8, info->height);
-    sqlite3_bind_double(statement, 9, info->south_deg);
-    sqlite3_bind_double(statement, 10, info->west_deg);
-    sqlite3_bind_double(statement, 11, info->north_deg);
-    sqlite3_bind_double(statement, 12, info->east_deg);
-    sqlite3_bind_int64(statement, 13, (int64_t)import->tiles_done);
-    sqlite3_bind_int64(statement, 14, (int64_t)import->tiles_total);
-    return database_sql_step(database, statement, "recording a source", diag);
-}
-
-int database_add_import(struct database *database, struct database_import *import,
-                        struct diag *diag)
-{
-    sqlite3_stmt *statement = NULL;
-    int r = database_sql_prepare(
-        database, "INSERT INTO sources VALUES(NULL,?1,?2,?3,?4,?5,?6,?7,?8,?9,?10,?11,?12,?13,?14)",
-        &statement, diag);
-    if (r == 0)
-        r = bind_and_insert(database, statement, import, diag);
-    sqlite3_finalize(statement);
-    if (r < 0)
-        return r;
-    int64_t id = sqlite3_last_insert_rowid(database->sql);
-    if (id > DATABASE_SOURCES_MAX)
-        return diag_set(diag, -E2BIG, "%s has %d sources already, the most it can hold",
-                        database->path, DATABASE_SOURCES_MAX);
-    import->id = (int)id;
-    return 0;
-}
-
-int database_set_import_progress(struct database *database, int id, uint64_t tiles_done,
-                                 struct diag *diag)
-{
-    sqlite3_stmt *statement = NULL;
-    int r = database_sql_prepare(database, "UPDATE sources SET tiles_done = ?2 WHERE id = ?1",
-                                 &statement, diag);
-    if (r == 0) {
-        sqlite3_bind_int(statement, 1, id);
-        sqlite3_bind_int64(statement, 2, (int64_t)tiles_done);
-        r = database_sql_step(database, statement, "recording progress", diag);
-    }
-    sqlite3_finalize(statement);
+    sqlite3_bind_int(statement, 1, import->id);
+    sqlite3_bind_text(statement, 2, import->key, -1, SQLITE_STATIC);
+    sqlite3_bind_text(statement, 3, info->name, -1, SQLITE_STATIC);
+    sqlite3_bind_text(statement, 4, info->vertical, -1, SQLITE_STATIC);
+    sqlite3_bind_int(statement, 5, info->priority);
+    sqlite3_bind_int(statement, 6, info->exact);
+    sqlite3_bind_double(statement, 7, info->unit_m);
+    sqlite3_bind_int(statement, 8, info->level);
+    sqlite3_bind_int64(statement, 9, (int64_t)info->bytes);
+    sqlite3_bind_int(statement, 10, info->width);
+    sqlite3_bind_int(statement, 11, info->height);
+    sqlite3_bind_double(statement, 12, info->south_deg);
+    sqlite3_bind_double(statement, 13, info->west_deg);
+    sqlite3_bind_double(statement, 14, info->north_deg);
+    sqlite3_bind_double(statement, 15, info->east_deg);
+    int r = database_sql_step(database, statement, "recording a source", diag);
+    sqlite3_reset(statement);
     return r;
 }
 
-int database_drop_import(struct database *database, int id, struct diag *diag)
+int database_set_imports(struct database *database, const struct database_import *imports,
+                         size_t count, struct diag *diag)
 {
     sqlite3_stmt *statement = NULL;
-    int r = database_sql_prepare(database, "DELETE FROM sources WHERE id = ?1", &statement, diag);
-    if (r == 0) {
-        sqlite3_bind_int(statement, 1, id);
-        r = database_sql_step(database, statement, "dropping a source", diag);
-    }
+    int r = database_sql_run(database, "DELETE FROM sources", diag);
+    if (r == 0)
+        r = database_sql_prepare(
+            database,
+            "INSERT INTO sources VALUES(?1,?2,?3,?4,?5,?6,?7,?8,?9,?10,?11,?12,?13,?14,?15)",
+            &statement, diag);
+    for (size_t i = 0; r == 0 && i < count; i++)
+        r = insert_import(database, statement, &imports[i], diag);
     sqlite3_finalize(statement);
     return r;
 }
@@ -89,15 +61,15 @@ static void import_from_row(sqlite3_stmt *row, struct database_import *import)
     copy_text(info->vertical, sizeof(info->vertical), row, 3);
     info->priority = sqlite3_column_int(row, 4);
     info->exact = sqlite3_column_int(row, 5) != 0;
-    info->bytes = (uint64_t)sqlite3_column_int64(row, 6);
-    info->width = sqlite3_column_int(row, 7);
-    info->height = sqlite3_column_int(row, 8);
-    info->south_deg = sqlite3_column_double(row, 9);
-    info->west_deg = sqlite3_column_double(row, 10);
-    info->north_deg = sqlite3_column_double(row, 11);
-    info->east_deg = sqlite3_column_double(row, 12);
-    import->tiles_done = (uint64_t)sqlite3_column_int64(row, 13);
-    import->tiles_total = (uint64_t)sqlite3_column_int64(row, 14);
+    info->unit_m = sqlite3_column_double(row, 6);
+    info->level = sqlite3_column_int(row, 7);
+    info->bytes = (uint64_t)sqlite3_column_int64(row, 8);
+    info->width = sqlite3_column_int(row, 9);
+    info->height = sqlite3_column_int(row, 10);
+    info->south_deg = sqlite3_column_double(row, 11);
+    info->west_deg = sqlite3_column_double(row, 12);
+    info->north_deg = sqlite3_column_double(row, 13);
+    info->east_deg = sqlite3_column_double(row, 14);
 }
 
 int database_list_imports(struct database *database, struct database_import **ret_imports,

@@ -40,25 +40,24 @@ void database_extent_add(struct database_extent *extent, double south_deg, doubl
     }
 }
 
-/* The border of the tiles, for a database that names no sources. */
+/* The border of the finest tiles, for a database that names no sources. */
 static int extent_from_tiles(struct database *database, struct database_extent *extent,
                              struct diag *diag)
 {
     sqlite3_stmt *statement = NULL;
-    int r = database_sql_prepare(
-        database, "SELECT row, min(col), max(col) FROM tiles WHERE level = 0 GROUP BY row",
-        &statement, diag);
+    int r = database_sql_prepare(database, "SELECT key FROM tiles WHERE children = 0", &statement,
+                                 diag);
     while (r >= 0 && (r = database_sql_step(database, statement, "reading tiles", diag)) == 1) {
         const struct grid *grid = &database->grid;
-        int32_t row = sqlite3_column_int(statement, 0);
-        unsigned shift = grid_lon_shift(grid, 0, row);
-        int64_t east = (sqlite3_column_int64(statement, 2) + 1) * TILE_CELLS;
-        bool whole = east >= grid_cells_around(grid, 0, shift);
+        struct tile_id id = tile_id_from_key(sqlite3_column_int64(statement, 0));
+        unsigned shift = grid_lon_shift(grid, id.level, id.row);
+        int64_t west = (int64_t)id.col * TILE_CELLS, east = west + TILE_CELLS;
+        bool whole = east >= grid_cells_around(grid, id.level, shift);
         database_extent_add(
-            extent, grid_post_lat_deg(grid, 0, (int64_t)row * TILE_CELLS),
-            grid_post_lon_deg(grid, 0, shift, sqlite3_column_int64(statement, 1) * TILE_CELLS),
-            grid_post_lat_deg(grid, 0, ((int64_t)row + 1) * TILE_CELLS),
-            whole ? 180.0 : grid_post_lon_deg(grid, 0, shift, east));
+            extent, grid_post_lat_deg(grid, id.level, (int64_t)id.row * TILE_CELLS),
+            grid_post_lon_deg(grid, id.level, shift, west),
+            grid_post_lat_deg(grid, id.level, ((int64_t)id.row + 1) * TILE_CELLS),
+            whole ? 180.0 : grid_post_lon_deg(grid, id.level, shift, east));
     }
     sqlite3_finalize(statement);
     return r;
@@ -82,14 +81,16 @@ int database_extent_of(struct database *database, struct database_extent *ret_ex
     return r;
 }
 
+/* Sums over the tiles: `posts` of those that nothing finer lies under. */
 static int fill_levels(struct database *database, struct database_info *info, struct diag *diag)
 {
     sqlite3_stmt *statement = NULL;
     int r = database_sql_prepare(
         database,
-        "SELECT level, count(*), sum(length(payload)), sum(posts), min(min_m), max(max_m) "
-        "FROM tiles GROUP BY level ORDER BY level",
+        "SELECT key >> 48, count(*), sum(length(payload)), sum(iif(children = 0, posts, 0)),"
+        " min(min_m), max(max_m), max(error_m) FROM tiles GROUP BY key >> 48 ORDER BY 1",
         &statement, diag);
+    info->min_m = INFINITY, info->max_m = -INFINITY;
     while (r >= 0 && (r = database_sql_step(database, statement, "reading tiles", diag)) == 1) {
         int level = sqlite3_column_int(statement, 0);
         if (level < 0 || level >= GRID_LEVELS_MAX)
@@ -97,11 +98,12 @@ static int fill_levels(struct database *database, struct database_info *info, st
         info->levels = level + 1;
         info->level[level].tiles = (uint64_t)sqlite3_column_int64(statement, 1);
         info->level[level].bytes = (uint64_t)sqlite3_column_int64(statement, 2);
-        if (level == 0) {
-            info->posts = (uint64_t)sqlite3_column_int64(statement, 3);
-            info->min_m = sqlite3_column_double(statement, 4);
-            info->max_m = sqlite3_column_double(statement, 5);
-        }
+        info->level[level].error_m = sqlite3_column_double(statement, 6);
+        info->posts += (uint64_t)sqlite3_column_int64(statement, 3);
+        if (sqlite3_column_type(statement, 4) == SQLITE_NULL)
+            continue;
+        info->min_m = fmin(info->min_m, sqlite3_column_double(statement, 4));
+        info->max_m = fmax(info->max_m, sqlite3_column_double(statement, 5));
     }
     sqlite3_finalize(statement);
     return r;
@@ -127,10 +129,10 @@ int database_info(struct database *database, struct database_info *ret_info, str
 {
     struct database_info info = {.version = DATABASE_FORMAT_VERSION,
                                  .posts_per_degree = database->grid.posts_per_degree,
-                                 .max_error_m = database->max_error_m};
+                                 .lon_bias = database->grid.lon_bias,
+                                 .max_error_m = database->max_error_m,
+                                 .step_m = database->step_m};
     snprintf(info.path, sizeof(info.path), "%s", database->path);
-    if (database->exponent != TILE_LOSSLESS)
-        info.step_m = ldexp(1.0, database->exponent);
     struct database_extent extent;
     int r = fill_levels(database, &info, diag);
     if (r == 0)

@@ -7,15 +7,22 @@
 
 struct database {
     sqlite3 *sql;
-    sqlite3_stmt *read_tile; /* level, row, col -> min_m, max_m, checksum, payload, posts, origin */
+    sqlite3_stmt *read_tile;  /* key -> the columns of TILE_COLUMNS */
     sqlite3_stmt *write_tile; /* only where writable */
     struct grid grid;
-    double max_error_m;
-    int8_t exponent;
-    bool complete, writable;
-    int top_level; /* coarsest level with tiles; -1 = none yet */
+    double max_error_m, step_m;
+    int top_level; /* coarsest level: its tiles have no parent */
+    bool part;
     char path[DATABASE_NAME_MAX];
 };
+
+/* An import works in a file of this name beside the database. */
+#define DATABASE_PART_SUFFIX ".part"
+
+#define TILE_COLUMNS "key, min_m, max_m, error_m, posts, children, checksum, payload, origin"
+
+/* The tile of a row of TILE_COLUMNS, its checksum checked; the caller finishes the record. */
+int database_take_record(sqlite3_stmt *row, struct tile_record *ret_record, struct diag *diag);
 
 /* The errno that an SQLite result stands for, and a sentence that begins with the file's name. */
 int database_sql_error(const struct database *database, const char *doing, struct diag *diag);
@@ -35,14 +42,21 @@ int database_set_meta(struct database *database, const char *key, const char *va
 /* Reads and checks the metadata into `database`; -EPROTONOSUPPORT, -EBADMSG as database_open. */
 int database_load_meta(struct database *database, struct diag *diag);
 
-/* The checksum stored with a tile: CRC-32 (of zlib) over level, row, col as int32, min_m and max_m
- * as the bits of floats, the count of posts as uint32, all little-endian, then payload, then
- * origin. */
-uint32_t database_tile_checksum(struct tile_id id, float min_m, float max_m, uint32_t posts,
-                                const void *payload, size_t payload_size, const void *origin,
-                                size_t origin_size);
+/* Opens the file at database->path for writing, with the exclusive lock taken and kept. */
+int database_open_exclusive(struct database *database, struct diag *diag);
+int database_prepare(struct database *database, struct diag *diag);
 
-/* CRC-32 over "key=value\n" of all metadata but `checksum` itself, in the order of the keys. */
+struct database_params;
+/* Makes the file at database->path: pragmas, tables, parameters; the transaction is left open. */
+int database_make(struct database *database, const char *pragmas, int application,
+                  const struct database_params *params, struct diag *diag);
+
+/* One value of the metadata; empty where the key is absent. */
+int database_get_meta(const struct database *database, const char *key, char *ret_value,
+                      size_t size, struct diag *diag);
+
+/* CRC-32 over "key=value\n" of all metadata but `checksum` itself, in the order of the keys, then
+ * over every source as one line of text. */
 int database_meta_checksum(const struct database *database, uint32_t *ret_checksum,
                            struct diag *diag);
 int database_seal_meta(struct database *database, struct diag *diag);

@@ -71,16 +71,6 @@ static struct row_place place_row(const struct grid *grid, int level, double lat
     return place;
 }
 
-/* The tile row to read a row of posts from, for a cell in `tile_row`. */
-static int32_t owner_of_row(const struct grid *grid, int level, int64_t row, int32_t tile_row)
-{
-    if (row % TILE_CELLS != 0 || row == 0)
-        return tile_row;
-    int32_t owner = (int32_t)(row > 0 ? row / TILE_CELLS - 1 : row / TILE_CELLS);
-    return grid_lon_shift(grid, level, owner) == grid_lon_shift(grid, level, tile_row) ? tile_row
-                                                                                       : owner;
-}
-
 /* One tile's part of a row: places c .. end - 1, whose position in the tile is at + c * step. */
 struct span {
     const float *posts; /* TILE_POSTS of them, or NULL */
@@ -200,7 +190,7 @@ static void blend_rows(struct database_source *source, int level, const struct r
         int64_t row = place->row + side;
         if (pair->held[side] == row && pair->tile_row == place->tile_row)
             continue;
-        int32_t owner = owner_of_row(&source->database->grid, level, row, place->tile_row);
+        int32_t owner = grid_row_owner(&source->database->grid, level, row, place->tile_row);
         fill_post_row(source, level, row, owner, columns, pair->heights_m[side]);
         pair->held[side] = row;
     }
@@ -216,7 +206,7 @@ static void fill_row(struct database_source *source, int level, double lat_deg,
     struct row_place place = place_row(grid, level, lat_deg);
     if (place.fraction == 0.0f)
         fill_post_row(source, level, place.row,
-                      owner_of_row(grid, level, place.row, place.tile_row), columns, ret_heights_m);
+                      grid_row_owner(grid, level, place.row, place.tile_row), columns, ret_heights_m);
     else
         blend_rows(source, level, &place, columns, pair, ret_heights_m);
 }

@@ -5,7 +5,12 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "terrain/block.h"
 #include "terrain/database_internal.h"
+#include "terrain/height_step.h"
+#include "terrain/tile_cache.h"
+
+#define CACHE_TILES 512
 
 struct verifier {
     struct database *database;
@@ -13,7 +18,12 @@ struct verifier {
     void *user;
     struct database_verify_report report;
     uint64_t total;
-    float *heights, *other; /* the tile, and the one that it is compared with */
+    struct tile_cache *cache;
+    struct tile_record record;    /* of the tile */
+    float *heights;               /* of the tile */
+    const float *other;           /* of the one that it is compared with: the cache's */
+    int32_t *symbols;
+    uint16_t *origins;
 };
 
 static void tell(struct verifier *verifier, struct tile_id id, const char *text)
@@ -52,11 +62,14 @@ static bool same_height(float a, float b)
 /* Loads another tile to compare with: a damaged one is reported in its own turn. */
 static bool load_other(struct verifier *verifier, struct tile_id id)
 {
-    return database_read_tile(verifier->database, id, verifier->other, NULL) == 0;
+    int status;
+    verifier->other = tile_cache_look(verifier->cache, id, &status);
+    return status == 0;
 }
 
-static void check_range(struct verifier *verifier, struct tile_id id, float min_m, float max_m)
+static void check_range(struct verifier *verifier, struct tile_id id)
 {
+    float min_m = verifier->record.min_m, max_m = verifier->record.max_m;
     float low = NAN, high = NAN;
     for (int i = 0; i < TILE_POST_COUNT; i++) {
         low = fminf(low, verifier->heights[i]);
@@ -121,65 +134,44 @@ static void check_north(struct verifier *verifier, struct tile_id id)
     }
 }
 
-/* Every post of the parent that lies in this tile has this tile's height. A parent that is absent
- * has none: it exists only where one of its own posts has data. */
+/* Posts that a tile shares with its parent are equal, and the parent's surface is as near as it
+ * says: with this for all tiles, every level is in its bound of the finest. */
 static void check_parent(struct verifier *verifier, struct tile_id id)
 {
     const struct grid *grid = &verifier->database->grid;
+    struct tile_record up = {.payload_size = 0};
     if (id.level >= database_top_level(verifier->database))
         return;
     struct tile_id parent = grid_parent(grid, id);
-    int r = database_read_tile(verifier->database, parent, verifier->other, NULL);
-    if (r < 0)
+    if (!load_other(verifier, parent) ||
+        database_read_record(verifier->database, parent, &up, NULL) != 0)
         return;
-    bool absent = r == DATABASE_ABSENT;
-    for (int i = 0; absent && i < TILE_POST_COUNT; i++)
-        verifier->other[i] = NAN;
-    bool same =
-        grid_lon_shift(grid, id.level, id.row) == grid_lon_shift(grid, parent.level, parent.row);
-    int first_row, last_row, last_col, up = same ? 2 : 1;
+    struct tile_parent place = tile_place_in_parent(grid, id, NULL);
+    int first_row, last_row, last_col, across = place.same_columns ? 1 : 2;
     grid_tile_extent(grid, id, &first_row, &last_row, &last_col);
-    int row0 = (int)(id.row - 2 * (int64_t)parent.row) * TILE_CELLS / 2;
-    int col0 = same ? (int)(id.col - 2 * (int64_t)parent.col) * TILE_CELLS / 2 : 0;
+    const float *corner = verifier->other + place.row_half * TILE_CELLS / 2 * TILE_POSTS +
+                          place.col_half * TILE_CELLS / 2;
+    bool same = true;
     for (int row = (first_row + 1) & ~1; row <= last_row; row += 2)
-        for (int col = 0; col <= last_col; col += up)
-            if (!same_height(verifier->heights[row * TILE_POSTS + col],
-                             verifier->other[(row0 + row / 2) * TILE_POSTS + col0 + col / up])) {
-                fault(verifier, parent,
-                      absent ? "the tile is missing: level %d row %d column %d has data there"
-                             : "its heights differ from those of level %d row %d column %d",
-                      id.level, id.row, id.col);
-                return;
-            }
+        for (int col = 0; col <= last_col; col += across)
+            same &= same_height(verifier->heights[row * TILE_POSTS + col],
+                                corner[row / 2 * TILE_POSTS + col / across]);
+    if (!same)
+        fault(verifier, parent, "its heights differ from those of level %d row %d column %d",
+              id.level, id.row, id.col);
+    double error_m = verifier->record.error_m +
+                     block_deviation_m(grid, id, verifier->heights, verifier->other);
+    if (error_m > up.error_m * (1.0 + 1e-12) + 1e-9)
+        fault(verifier, parent, "its error is %g m over level %d row %d column %d, not at most %g",
+              error_m, id.level, id.row, id.col, up.error_m);
+    tile_record_finish(&up);
 }
 
-/* A child that is absent although the tile has data where the child would be. */
-static void check_child(struct verifier *verifier, struct tile_id id, struct tile_id child,
-                        bool same)
-{
-    const struct grid *grid = &verifier->database->grid;
-    if (!grid_has_tile(grid, child) ||
-        database_read_tile(verifier->database, child, verifier->other, NULL) != DATABASE_ABSENT)
-        return;
-    int row0 = (int)(child.row - 2 * (int64_t)id.row) * TILE_CELLS / 2;
-    int col0 = same ? (int)(child.col - 2 * (int64_t)id.col) * TILE_CELLS / 2 : 0;
-    int cols = same ? TILE_CELLS / 2 : TILE_CELLS;
-    for (int row = row0; row <= row0 + TILE_CELLS / 2; row++)
-        for (int col = col0; col <= col0 + cols; col++)
-            if (!isnan(verifier->heights[row * TILE_POSTS + col])) {
-                fault(verifier, child,
-                      "the tile is missing: level %d row %d column %d has data there", id.level,
-                      id.row, id.col);
-                return;
-            }
-}
-
+/* The children that the tile says it has, and no others. */
 static void check_children(struct verifier *verifier, struct tile_id id)
 {
     const struct grid *grid = &verifier->database->grid;
-    if (id.level == 0)
-        return;
-    for (int row = 0; row < 2; row++) {
+    for (int row = 0; id.level > 0 && row < 2; row++) {
         struct tile_id child = {id.level - 1, 2 * id.row + row, 0};
         if (!grid_has_tile(grid, child))
             continue;
@@ -187,50 +179,79 @@ static void check_children(struct verifier *verifier, struct tile_id id)
             grid_lon_shift(grid, child.level, child.row) == grid_lon_shift(grid, id.level, id.row);
         for (int col = 0; col < (same ? 2 : 1); col++) {
             child.col = (same ? 2 : 1) * id.col + col;
-            check_child(verifier, id, child, same);
+            struct tile_record record = {.payload_size = 0};
+            bool promised = verifier->record.children & tile_child_bit(grid, child);
+            bool absent = database_read_record(verifier->database, child, &record, NULL) ==
+                          DATABASE_ABSENT;
+            if (absent == promised)
+                fault(verifier, child, "the tile is %s by level %d row %d column %d",
+                      promised ? "missing: it is promised" : "not announced", id.level, id.row,
+                      id.col);
+            tile_record_finish(&record);
         }
     }
 }
 
-static void check_tile(struct verifier *verifier, struct tile_id id, float min_m, float max_m)
+static void check_origins(struct verifier *verifier, struct tile_id id)
 {
-    struct diag diag;
-    if (!grid_has_tile(&verifier->database->grid, id)) {
+    if (tile_record_origins(&verifier->record, verifier->symbols, verifier->origins) < 0)
+        fault(verifier, id, "what says where its posts came from cannot be read");
+}
+
+/* Decodes a tile; the error that stops that is told. */
+static bool load_tile(struct verifier *verifier, struct tile_id id)
+{
+    struct diag diag = {.text = ""};
+    int status;
+    int r = database_read_record(verifier->database, id, &verifier->record, &diag);
+    if (r < 0) {
+        tell(verifier, id, diag.text);
+        return false;
+    }
+    const float *heights_m = tile_cache_look(verifier->cache, id, &status);
+    if (status == 0) {
+        memcpy(verifier->heights, heights_m, TILE_POST_COUNT * sizeof(*heights_m));
+        symbols_from_heights(heights_m, TILE_POST_COUNT, verifier->database->step_m,
+                             verifier->symbols);
+        return true;
+    }
+    fault(verifier, id, status == DATABASE_ABSENT ? "no coarser tile announces it"
+                                                  : "it cannot be decoded, or a coarser one cannot");
+    return false;
+}
+
+static void check_tile(struct verifier *verifier, struct tile_id id)
+{
+    if (!grid_has_tile(&verifier->database->grid, id) ||
+        id.level > verifier->database->top_level) {
         fault(verifier, id, "there is no such place on the grid");
         return;
     }
-    int r = database_read_tile(verifier->database, id, verifier->heights, &diag);
-    if (r < 0) {
-        tell(verifier, id, diag.text);
-        return;
+    if (load_tile(verifier, id)) {
+        check_range(verifier, id);
+        check_origins(verifier, id);
+        check_east(verifier, id);
+        check_north(verifier, id);
+        check_parent(verifier, id);
+        check_children(verifier, id);
     }
-    check_range(verifier, id, min_m, max_m);
-    check_east(verifier, id);
-    check_north(verifier, id);
-    check_parent(verifier, id);
-    check_children(verifier, id);
+    tile_record_finish(&verifier->record);
 }
 
+/* From the coarsest level down: a tile's ancestors are then mostly at hand. */
 static int check_tiles(struct verifier *verifier, struct diag *diag)
 {
     sqlite3_stmt *statement = NULL;
     struct database *database = verifier->database;
-    int32_t level = -1, row = 0;
-    int r = database_sql_prepare(
-        database, "SELECT level, row, col, min_m, max_m FROM tiles ORDER BY level, row, col",
-        &statement, diag);
+    int r = database_sql_prepare(database, "SELECT key FROM tiles ORDER BY key DESC", &statement,
+                                 diag);
     while (r >= 0 && !verifier->report.stopped &&
            (r = database_sql_step(database, statement, "reading tiles", diag)) == 1) {
-        struct tile_id id = {sqlite3_column_int(statement, 0), sqlite3_column_int(statement, 1),
-                             sqlite3_column_int(statement, 2)};
-        check_tile(verifier, id, (float)sqlite3_column_double(statement, 3),
-                   (float)sqlite3_column_double(statement, 4));
+        check_tile(verifier, tile_id_from_key(sqlite3_column_int64(statement, 0)));
         verifier->report.tiles++;
-        if (verifier->function && (id.level != level || id.row != row) &&
+        if (verifier->function && verifier->report.tiles % 16 == 0 &&
             verifier->function(verifier->user, NULL, verifier->report.tiles, verifier->total))
             verifier->report.stopped = true;
-        level = id.level;
-        row = id.row;
     }
     sqlite3_finalize(statement);
     return r < 0 ? r : 0;
@@ -279,9 +300,12 @@ int database_verify(struct database *database, database_verify_function function
 {
     struct verifier verifier = {.database = database, .function = function, .user = user};
     verifier.heights = malloc(TILE_POST_COUNT * sizeof(float));
-    verifier.other = malloc(TILE_POST_COUNT * sizeof(float));
+    verifier.symbols = malloc(TILE_POST_COUNT * sizeof(int32_t));
+    verifier.origins = malloc(TILE_POST_COUNT * sizeof(uint16_t));
     struct diag trouble = {.text = ""};
-    int r = verifier.heights && verifier.other ? 0 : -ENOMEM;
+    int r = verifier.heights && verifier.symbols && verifier.origins
+                ? tile_cache_create(database, CACHE_TILES, &verifier.cache)
+                : -ENOMEM;
     if (r == 0)
         r = check_structure(&verifier, &trouble);
     if (r == 0)
@@ -293,8 +317,10 @@ int database_verify(struct database *database, database_verify_function function
         tell(&verifier, (struct tile_id){-1, 0, 0}, trouble.text);
         r = 0;
     }
+    tile_cache_destroy(verifier.cache);
     free(verifier.heights);
-    free(verifier.other);
+    free(verifier.symbols);
+    free(verifier.origins);
     if (r < 0)
         return diag_set(diag, r, "%s", trouble.text);
     *ret_report = verifier.report;

@@ -3,18 +3,19 @@
 #include <assert.h>
 #include <math.h>
 
-/* First row whose edge nearest the equator reaches the latitude at which the factor doubles to
- * 2^shift. A row whose edge is the limit itself belongs to the wider band, hence the tolerance. */
-static int32_t own_band_row(int32_t posts_per_degree, int level, unsigned shift)
+/* First row whose edge nearest the equator reaches the latitude at which a degree of longitude has
+ * shrunk to 2^-halvings. A row whose edge is the limit itself belongs to the wider band, hence the tolerance. */
+static int32_t own_band_row(int32_t posts_per_degree, int level, unsigned halvings)
 {
-    double limit_deg = acos(ldexp(1.0, -(int)shift)) * (180.0 / M_PI);
+    double limit_deg = acos(ldexp(1.0, -(int)halvings)) * (180.0 / M_PI);
     return (int32_t)ceil(ldexp(limit_deg * posts_per_degree / TILE_CELLS, -level) - 1e-9);
 }
 
-void grid_init(struct grid *grid, int32_t posts_per_degree)
+void grid_init(struct grid *grid, int32_t posts_per_degree, unsigned lon_bias)
 {
     assert(posts_per_degree >= 1 && posts_per_degree <= GRID_POSTS_PER_DEGREE_MAX);
-    *grid = (struct grid){.posts_per_degree = posts_per_degree};
+    assert(lon_bias <= GRID_SHIFT_MAX);
+    *grid = (struct grid){.posts_per_degree = posts_per_degree, .lon_bias = lon_bias};
     while (ldexp(TILE_CELLS, grid->top_level) < 360.0 * posts_per_degree)
         grid->top_level++;
     assert(grid->top_level < GRID_LEVELS_MAX);
@@ -22,7 +23,7 @@ void grid_init(struct grid *grid, int32_t posts_per_degree)
         int32_t *band = grid->band_row[level];
         for (unsigned shift = 1; shift <= GRID_SHIFT_MAX; shift++) {
             bool top = level == grid->top_level;
-            int32_t own = top ? INT32_MAX : own_band_row(posts_per_degree, level, shift);
+            int32_t own = top ? INT32_MAX : own_band_row(posts_per_degree, level, shift + lon_bias);
             int32_t above = top ? INT32_MAX : grid->band_row[level + 1][shift - 1];
             int32_t inherited = above > INT32_MAX / 2 ? INT32_MAX : above * 2;
             band[shift] = own > inherited ? own : inherited;
@@ -116,6 +117,24 @@ struct tile_id grid_parent(const struct grid *grid, struct tile_id id)
     unsigned parent_shift = grid_lon_shift(grid, parent.level, parent.row);
     parent.col = parent_shift == shift ? id.col / 2 : id.col;
     return parent;
+}
+
+unsigned grid_halvings(double lat_deg)
+{
+    unsigned halvings = 0;
+    while (halvings < GRID_SHIFT_MAX &&
+           fabs(lat_deg) >= acos(ldexp(1.0, -(int)halvings - 1)) * (180.0 / M_PI))
+        halvings++;
+    return halvings;
+}
+
+int32_t grid_row_owner(const struct grid *grid, int level, int64_t post_row, int32_t tile_row)
+{
+    if (post_row % TILE_CELLS != 0 || post_row == 0)
+        return tile_row;
+    int32_t owner = (int32_t)(post_row > 0 ? post_row / TILE_CELLS - 1 : post_row / TILE_CELLS);
+    return grid_lon_shift(grid, level, owner) == grid_lon_shift(grid, level, tile_row) ? tile_row
+                                                                                       : owner;
 }
 
 void grid_tile_extent(const struct grid *grid, struct tile_id id, int *ret_first_row,

@@ -7,9 +7,10 @@
  * Longitude. Tile row r of level k has a longitude factor 2^s (its shift s): post column j lies at
  * -180 + j * 2^(k + s) / P degrees, and the last one at +180 exactly (it is column 0 again), so the
  * cell before it may be narrower than the others. The shift is floor(log2(1 / cos(latitude))) at
- * the tile row's edge nearest the equator (0 below 60 degrees, 1 to 75.52, 2 to 82.82, ...), but at
- * most one more than that of its parent row: every post of a level is then a post of the level
- * below it, all over the globe.
+ * the tile row's edge nearest the equator (0 below 60 degrees, 1 to 75.52, 2 to 82.82, ...), less
+ * the database's bias, at least 0, and at most one more than that of its parent row: every post of
+ * a level is then a post of the level below it, all over the globe. The bias keeps the posts of
+ * square rasters on the grid beyond 60 degrees.
  *
  * Tiles have 128 x 128 cells and 129 x 129 posts; neighbours share their border posts. Row 0 has
  * the equator as its southern border, row -1 as its northern one; column 0 begins at -180. The
@@ -28,6 +29,7 @@
 
 struct grid {
     int32_t posts_per_degree;
+    unsigned lon_bias;
     int top_level; /* the level at which one tile row reaches round the globe */
     /* First row (counted from the equator, either hemisphere) whose shift is at least the index. */
     int32_t band_row[GRID_LEVELS_MAX][GRID_SHIFT_MAX + 2];
@@ -37,11 +39,19 @@ struct tile_id {
     int32_t level, row, col;
 };
 
-/* `posts_per_degree` in 1 .. GRID_POSTS_PER_DEGREE_MAX. */
-void grid_init(struct grid *grid, int32_t posts_per_degree);
+/* `posts_per_degree` in 1 .. GRID_POSTS_PER_DEGREE_MAX, `lon_bias` in 0 .. GRID_SHIFT_MAX. */
+void grid_init(struct grid *grid, int32_t posts_per_degree, unsigned lon_bias);
+
+/* How often a degree of longitude can be halved before it is as short as it is at a latitude: the
+ * shift that a bias is taken from. */
+unsigned grid_halvings(double lat_deg);
 
 /* log2 of the longitude factor of a tile row. */
 unsigned grid_lon_shift(const struct grid *grid, int level, int32_t row);
+
+/* The tile row whose posts count on a row of posts, for a cell in `tile_row`: where the longitude
+ * factor changes, the row nearer the equator, whose posts are denser. */
+int32_t grid_row_owner(const struct grid *grid, int level, int64_t post_row, int32_t tile_row);
 
 /* Cell rows between the equator and a pole; tile rows run from -n to n - 1. */
 int64_t grid_cells_to_pole(const struct grid *grid, int level);

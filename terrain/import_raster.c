@@ -10,13 +10,12 @@
 #include <string.h>
 
 #include "terrain/import_raster_internal.h"
-#include "terrain/tile_codec.h"
 
 void raster_start_up(void)
 {
     GDALAllRegister();
     CPLSetErrorHandler(CPLQuietErrorHandler);
-    GDALSetCacheMax64(INT64_C(96) << 20);
+    GDALSetCacheMax64(INT64_C(64) << 20);
     CPLSetConfigOption("OGR_CT_FORCE_TRADITIONAL_GIS_ORDER", "NO");
 }
 
@@ -86,6 +85,10 @@ static void read_value_meaning(struct raster *raster, const struct raster_option
     double offset = GDALGetRasterOffset(raster->band, &has_offset);
     raster->scale = (has_scale && scale != 0.0 ? scale : 1.0) * metres;
     raster->offset = (has_offset ? offset : 0.0) * metres;
+    double units = raster->offset / raster->scale;
+    if (GDALDataTypeIsInteger(GDALGetRasterDataType(raster->band)) &&
+        fabs(units - nearbyint(units)) < 1e-9)
+        raster->unit_m = fabs(raster->scale);
     const char *kind = GDALGetMetadataItem(raster->dataset, "AREA_OR_POINT", NULL);
     raster->area = !kind || strcasecmp(kind, "Point") != 0;
 }
@@ -287,8 +290,8 @@ int raster_open(const char *path, const struct raster_options *options, struct r
     if (!raster)
         return -ENOMEM;
     snprintf(raster->path, sizeof(raster->path), "%s", path);
-    raster->lon = malloc(TILE_POST_COUNT * sizeof(double));
-    raster->lat = malloc(TILE_POST_COUNT * sizeof(double));
+    raster->lon = malloc(RASTER_CHUNK * sizeof(double));
+    raster->lat = malloc(RASTER_CHUNK * sizeof(double));
     int r = raster->lon && raster->lat ? open_dataset(raster, diag) : -ENOMEM;
     if (r == 0)
         r = check_bands(raster, diag);
@@ -304,11 +307,18 @@ int raster_open(const char *path, const struct raster_options *options, struct r
         extent_geographic(raster);
     else if (r == 0)
         r = extent_projected(raster, diag);
-    if (r == 0)
+    if (r == 0) {
+        raster_measure_spacing(raster);
         *ret_raster = raster;
-    else
+    } else {
         raster_close(raster);
+    }
     return r;
+}
+
+double raster_unit_m(const struct raster *raster)
+{
+    return raster->unit_m;
 }
 
 static bool ends_with(const char *text, const char *end)

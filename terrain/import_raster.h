@@ -32,26 +32,47 @@ void raster_close(struct raster *raster);
 
 void raster_get_facts(const struct raster *raster, struct raster_facts *ret_facts);
 
-/* The density of a grid that holds all that the raster has: the raster's own where its posts lie on
- * such a grid, else the next of 1200 * 2^k (k >= -4). */
-int32_t raster_posts_per_degree(const struct raster *raster);
+/* What its heights are whole multiples of, metres: a raster of integers; 0 = any height. */
+double raster_unit_m(const struct raster *raster);
 
-/* True where every post of the raster is a post of the grid (or lies between posts of a row because
- * the raster is wider spaced there): nothing is resampled. */
-bool raster_is_exact(const struct raster *raster, const struct grid *grid);
+/* The posts of a degree that its posts are posts of: where its rows and columns lie on the grid of
+ * such a density, 1, else 0. */
+int32_t raster_own_density(const struct raster *raster);
+/* Posts of a degree of latitude that are as fine as it, wherever it lies. */
+double raster_density(const struct raster *raster);
+
+/* The bias of longitude factors that keeps all its posts on a grid of a density that is a multiple
+ * of its own. */
+unsigned raster_lon_bias(const struct raster *raster, int32_t posts_per_degree);
+
+/* The coarsest level of a grid that is as fine as the raster. */
+int raster_level(const struct raster *raster, const struct grid *grid);
+
+/* True where every post of the raster is a post of that level: nothing is resampled. */
+bool raster_is_exact(const struct raster *raster, const struct grid *grid, int level);
 
 /* Reads every pixel once. -EBADMSG where one cannot be read, none has data, or a height is beyond
  * what the Earth has. `progress` may be NULL; true stops with -ECANCELED. */
 int raster_scan(struct raster *raster, bool (*progress)(void *user, uint64_t done, uint64_t total),
                 void *user, struct diag *diag);
 
-/* Heights (in the raster's own vertical reference, metres) at all posts of a tile; NaN outside and
- * where the raster has none. A post within 1e-6 pixels of a pixel's centre is that pixel; others
- * are bilinear. Where the raster is at least twice as fine as the grid, averages of square blocks
- * of pixels, counted from the first one, stand for the pixels. A post has the same height whichever
- * tile it is asked for with. */
-int raster_sample_tile(struct raster *raster, const struct grid *grid, struct tile_id id,
-                       float *ret_heights_m, struct diag *diag);
+/* A rectangle of the grid's posts, rows northwards. Columns may run on beyond the last one, round
+ * the globe, and begin before the first. */
+struct raster_lattice {
+    int level;
+    unsigned shift;
+    int64_t row0, col0;
+    int rows, cols;
+};
+
+/* Heights (in the raster's own vertical reference, metres) at the posts of a lattice; NaN outside
+ * and where the raster has none. A post within 1e-6 pixels (1e-3 of a geographic raster) of a
+ * pixel's centre is that pixel. Others are bicubic (Keys 1981, a = -1/2: it passes through the
+ * pixels) where the posts of level 0 are no wider apart than the pixels, else the average of the
+ * area around the post that reaches half way to its neighbours. A post has the same height
+ * whichever lattice it is asked for with. */
+int raster_sample(struct raster *raster, const struct grid *grid,
+                  const struct raster_lattice *lattice, float *ret_heights_m, struct diag *diag);
 
 /* Once for the process, before anything else here. GDAL's messages are kept, not printed. */
 void raster_start_up(void);

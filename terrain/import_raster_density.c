@@ -3,48 +3,81 @@
 
 #include "terrain/import_raster_internal.h"
 
-/* Whether `value` (in cells) is a whole number to within a thousandth of a pixel of the raster. */
-static bool whole_cells(double value, double cells_per_pixel)
+#define DENSITY_FACTOR_MAX 8
+#define PIXELS_A_POST_MAX  1024.0 /* more of them stand for all that lie between two posts */
+
+/* Whether a number of cells is whole, to within a thousandth of a pixel of the raster; at the other
+ * end of `pixels` pixels, too. */
+static bool whole_cells(double start, double cells_per_pixel, int pixels)
 {
-    return fabs(value - nearbyint(value)) < ALIGNED_PIXELS * cells_per_pixel;
+    double end = start + cells_per_pixel * (pixels - 1), allowed = ALIGNED_PIXELS * cells_per_pixel;
+    return nearbyint(cells_per_pixel) >= 1.0 &&
+           fabs(cells_per_pixel - nearbyint(cells_per_pixel)) * pixels < allowed * 2.0 &&
+           fabs(start - nearbyint(start)) < allowed && fabs(end - nearbyint(end)) < allowed;
 }
 
-static bool rows_fit(const struct raster *raster, double posts_per_degree)
+/* Rows and columns as cells of a density; false where they lie on none. */
+static bool fits(const struct raster *raster, double posts_per_degree)
 {
-    double cells = fabs(raster->dy) * posts_per_degree;
-    double last = raster->north + raster->dy * (raster->facts.height - 1);
-    return fabs(cells - 1.0) * raster->facts.height < ALIGNED_PIXELS &&
-           whole_cells(raster->north * posts_per_degree, 1.0) &&
-           whole_cells(last * posts_per_degree, 1.0);
-}
-
-bool raster_is_exact(const struct raster *raster, const struct grid *grid)
-{
-    if (!raster->facts.geographic || !rows_fit(raster, grid->posts_per_degree))
-        return false;
     const struct raster_facts *facts = &raster->facts;
-    for (int side = 0; side < 2; side++) { /* the grid's columns may change from south to north */
-        double lat_deg = side ? facts->north_deg : facts->south_deg;
-        int32_t row = (int32_t)floor(lat_deg * grid->posts_per_degree / TILE_CELLS);
-        int32_t to_pole = grid_tile_rows_to_pole(grid, 0);
-        row = row >= to_pole ? to_pole - 1 : row < -to_pole ? -to_pole : row;
-        double cell =
-            grid_lon_step_deg(grid, 0,
-                              fabs(lat_deg) > 85.0 && facts->east_deg - facts->west_deg > 350.0
-                                  ? 0
-                                  : grid_lon_shift(grid, 0, row));
-        double step = fabs(raster->dx) / cell;
-        if (!whole_cells((raster->west + 180.0) / cell, 1.0) || step < 1.0 - 1e-6 ||
-            fabs(step - nearbyint(step)) * facts->width > ALIGNED_PIXELS)
-            return false;
+    return whole_cells(raster->north * posts_per_degree, fabs(raster->dy) * posts_per_degree,
+                       1) &&
+           whole_cells((raster->north + raster->dy * (facts->height - 1)) * posts_per_degree,
+                       fabs(raster->dy) * posts_per_degree, 1) &&
+           whole_cells((raster->west + 180.0) * posts_per_degree,
+                       fabs(raster->dx) * posts_per_degree, 1) &&
+           whole_cells((raster->west + 180.0 + raster->dx * (facts->width - 1)) * posts_per_degree,
+                       fabs(raster->dx) * posts_per_degree, 1);
+}
+
+int32_t raster_own_density(const struct raster *raster)
+{
+    double own = 1.0 / fmin(fabs(raster->dx), fabs(raster->dy));
+    if (!raster->facts.geographic)
+        return 0;
+    for (int factor = 1; factor <= DENSITY_FACTOR_MAX; factor++) {
+        double posts = nearbyint(own * factor);
+        if (posts >= 1.0 && posts <= GRID_POSTS_PER_DEGREE_MAX && fits(raster, posts))
+            return (int32_t)posts;
     }
-    return true;
+    return 0;
+}
+
+/* How often all of the raster's columns can be halved. */
+static unsigned column_halvings(const struct raster *raster, int32_t posts_per_degree)
+{
+    int64_t first = llrint((raster->west + 180.0) * posts_per_degree);
+    int64_t step = llrint(fabs(raster->dx) * posts_per_degree);
+    uint64_t both = (uint64_t)first | (uint64_t)step;
+    return both ? (unsigned)__builtin_ctzll(both) : 0;
+}
+
+unsigned raster_lon_bias(const struct raster *raster, int32_t posts_per_degree)
+{
+    double lat_deg = fmax(fabs(raster->facts.south_deg), fabs(raster->facts.north_deg));
+    int64_t row = (int64_t)ceil(lat_deg * posts_per_degree / TILE_CELLS - 1e-9) - 1;
+    double edge_deg = fmax((double)row * TILE_CELLS / posts_per_degree, 0.0);
+    unsigned wanted = grid_halvings(edge_deg), own = column_halvings(raster, posts_per_degree);
+    return wanted > own ? wanted - own : 0;
+}
+
+bool raster_is_exact(const struct raster *raster, const struct grid *grid, int level)
+{
+    int32_t own = raster_own_density(raster);
+    if (!own || grid->posts_per_degree % own != 0)
+        return false;
+    int64_t top = llrint(raster->north * grid->posts_per_degree);
+    int64_t step = llrint(fabs(raster->dy) * grid->posts_per_degree);
+    if ((top | step) & ((INT64_C(1) << level) - 1))
+        return false;
+    unsigned columns = column_halvings(raster, grid->posts_per_degree);
+    unsigned bias = raster_lon_bias(raster, grid->posts_per_degree);
+    return columns >= (unsigned)level && (level == 0 ? bias <= grid->lon_bias : bias == 0);
 }
 
 /* The distances between the raster's columns and between its rows at its middle, as degrees of
- * latitude, and that latitude. False where the middle has no place. */
-static bool spacing_at_middle(const struct raster *raster, double *ret_x_deg, double *ret_y_deg,
-                              double *ret_lat_deg)
+ * latitude. False where the middle has no place. */
+static bool spacing_at_middle(const struct raster *raster, double *ret_x_deg, double *ret_y_deg)
 {
     const struct raster_facts *facts = &raster->facts;
     double x = raster->west + raster->dx * (facts->width / 2), x2 = x + raster->dx, x3 = x;
@@ -54,69 +87,55 @@ static bool spacing_at_middle(const struct raster *raster, double *ret_x_deg, do
                               !OCTTransform(raster->to_lonlat, 1, &x3, &y3, NULL)))
         return false;
     double across = cos(y * M_PI / 180.0);
-    *ret_x_deg = hypot(remainder(x2 - x, 360.0) * across, y2 - y);
-    *ret_y_deg = hypot(remainder(x3 - x, 360.0) * across, y3 - y);
-    *ret_lat_deg = y;
+    *ret_x_deg = fmax(hypot(remainder(x2 - x, 360.0) * across, y2 - y), 1e-9);
+    *ret_y_deg = fmax(hypot(remainder(x3 - x, 360.0) * across, y3 - y), 1e-9);
     return true;
 }
 
-/* The raster's finer resolution at its middle, as posts per degree of latitude. */
-static double natural_density(const struct raster *raster)
+double raster_density(const struct raster *raster)
 {
-    double x_deg, y_deg, lat_deg;
-    if (!spacing_at_middle(raster, &x_deg, &y_deg, &lat_deg))
+    double x_deg, y_deg;
+    if (raster->facts.geographic)
+        return 1.0 / fmin(fabs(raster->dx), fabs(raster->dy));
+    if (!spacing_at_middle(raster, &x_deg, &y_deg))
         return 1200.0;
-    return 1.0 / fmax(fmin(x_deg, y_deg), 1e-9);
+    return 1.0 / fmin(x_deg, y_deg);
 }
 
-/* Degrees of longitude between posts of the finest level at a latitude. */
-static double post_lon_step_deg(const struct grid *grid, double lat_deg)
+int raster_level(const struct raster *raster, const struct grid *grid)
 {
-    int32_t row = (int32_t)floor(fabs(lat_deg) * grid->posts_per_degree / TILE_CELLS);
-    int32_t last = grid_tile_rows_to_pole(grid, 0) - 1;
-    return grid_lon_step_deg(grid, 0, grid_lon_shift(grid, 0, row < last ? row : last));
+    double posts = grid->posts_per_degree / raster_density(raster);
+    int level = posts > 1.0 ? (int)floor(log2(posts * (1.0 + 1e-6))) : 0;
+    return level < grid->top_level ? level : grid->top_level;
 }
 
-int raster_averaging_factor(const struct raster *raster, const struct grid *grid)
+static double within_limits(double pixels)
 {
-    const struct raster_facts *facts = &raster->facts;
-    double north_deg = grid_lat_step_deg(grid, 0), pixels = 1.0, x_deg, y_deg, lat_deg;
-    if (facts->geographic) {
-        double nearest = fmax(fmax(facts->south_deg, -facts->north_deg), 0.0);
-        pixels =
-            fmin(post_lon_step_deg(grid, nearest) / fabs(raster->dx), north_deg / fabs(raster->dy));
-    } else if (spacing_at_middle(raster, &x_deg, &y_deg, &lat_deg)) {
-        /* Between two changes of the grid's columns east is at least half of north. */
-        double east_deg = post_lon_step_deg(grid, lat_deg) * cos(lat_deg * M_PI / 180.0);
-        pixels = fmin(fmax(east_deg, 0.5 * north_deg), north_deg) / fmax(fmax(x_deg, y_deg), 1e-9);
-    }
-    int32_t side = facts->width < facts->height ? facts->width : facts->height;
-    return raster->periodic || pixels < 2.0 - 1e-3 ? 1 : (int)fmin(pixels + 1e-3, side);
+    return pixels <= 1.0 + ALIGNED_PIXELS ? 1.0 : fmin(pixels, PIXELS_A_POST_MAX);
 }
 
-int32_t raster_posts_per_degree(const struct raster *raster)
+struct raster_spread raster_spread_at(const struct raster *raster, const struct grid *grid,
+                                      int level, int64_t row)
 {
-    double own = 1.0 / fabs(raster->dy), rounded = nearbyint(own);
-    if (raster->facts.geographic && rounded >= 1.0 && rounded <= GRID_POSTS_PER_DEGREE_MAX / 4 &&
-        rows_fit(raster, rounded)) {
-        struct grid grid;
-        /* Meridians closer than the grid's: a finer grid, where that makes it exact. */
-        for (int32_t posts = (int32_t)rounded, tries = 0; tries < 3; tries++, posts *= 2) {
-            grid_init(&grid, posts);
-            double nearest = raster->facts.south_deg > 0.0   ? raster->facts.south_deg
-                             : raster->facts.north_deg < 0.0 ? -raster->facts.north_deg
-                                                             : 0.0;
-            unsigned shift = grid_lon_shift(&grid, 0, (int32_t)(nearest * posts / TILE_CELLS));
-            double cell = grid_lon_step_deg(&grid, 0, shift);
-            if (!whole_cells((raster->west + 180.0) / cell, 1.0))
-                break;
-            if (fabs(raster->dx) >= cell * (1.0 - 1e-6))
-                return posts;
-        }
-    }
-    double density = natural_density(raster);
-    double posts = 75.0;
-    while (posts < density * (1.0 - 1e-6) && posts * 2.0 <= GRID_POSTS_PER_DEGREE_MAX)
-        posts *= 2.0;
-    return (int32_t)posts;
+    int64_t finest = row * (INT64_C(1) << level);
+    int64_t last = grid_cells_to_pole(grid, 0);
+    /* The cell before the post, seen from the equator, whichever tile asks. */
+    int64_t cell = finest > 0 ? finest - 1 : finest;
+    cell = cell >= last ? last - 1 : cell < -last ? -last : cell;
+    unsigned shift = grid_lon_shift(grid, 0, (int32_t)grid_floor_div(cell, TILE_CELLS));
+    double north_deg = grid_lat_step_deg(grid, 0), east_deg = grid_lon_step_deg(grid, 0, shift);
+    if (raster->facts.geographic)
+        return (struct raster_spread){within_limits(east_deg / fabs(raster->dx)),
+                                      within_limits(north_deg / fabs(raster->dy))};
+    east_deg *= cos(grid_post_lat_deg(grid, level, row) * M_PI / 180.0);
+    double posts_deg = sqrt(fmax(east_deg, 0.25 * north_deg) * north_deg);
+    double pixels = within_limits(posts_deg / raster->spacing_deg);
+    return (struct raster_spread){pixels, pixels};
+}
+
+void raster_measure_spacing(struct raster *raster)
+{
+    double x_deg, y_deg;
+    raster->spacing_deg =
+        spacing_at_middle(raster, &x_deg, &y_deg) ? sqrt(x_deg * y_deg) : 1.0 / 1200.0;
 }

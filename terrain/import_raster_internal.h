@@ -2,6 +2,7 @@
 #pragma once
 
 #include <gdal.h>
+#include <math.h>
 #include <ogr_srs_api.h>
 
 #include "terrain/import_raster.h"
@@ -14,15 +15,43 @@ struct raster {
     OGRCoordinateTransformationH from_lonlat, to_lonlat; /* NULL where it is the identity */
     double west, north, dx, dy; /* of the first pixel's centre; dy negative for north-up */
     double nodata, scale, offset;
+    double unit_m;      /* its heights are multiples of it; 0 = any */
+    double spacing_deg; /* between its posts at its middle, as degrees of latitude */
     bool has_nodata, area, periodic;
     struct raster_facts facts;
-    double *lon, *lat; /* TILE_POST_COUNT positions, then pixels */
-    double *window;
+    double *lon, *lat; /* RASTER_CHUNK positions, then pixels */
+    float *window;
     size_t window_capacity;
     char path[512];
 };
 
-/* How many pixels a side are averaged into one before sampling on this grid: as many as lie between
- * two of its posts, 1 where the raster is not twice as fine. The same for all tiles, so that those
- * that share a post see one value. */
-int raster_averaging_factor(const struct raster *raster, const struct grid *grid);
+#define RASTER_CHUNK 16641 /* posts that are placed at once */
+
+static inline bool raster_is_void(const struct raster *raster, float value)
+{
+    return !isfinite(value) || (raster->has_nodata && value == (float)raster->nodata);
+}
+
+/* Pixels in memory; `x` may be negative or beyond the width in a raster round the globe. */
+struct raster_window {
+    int x, y, width, height;
+    const float *pixels;
+};
+
+/* How many pixels lie between two posts of level 0 on a row of posts, across and along; 1 where it
+ * is less. The same on all levels and whichever tile asks. */
+struct raster_spread {
+    double x, y;
+};
+
+struct raster_spread raster_spread_at(const struct raster *raster, const struct grid *grid,
+                                      int level, int64_t row);
+
+void raster_measure_spacing(struct raster *raster);
+
+/* How many pixels around a position count. */
+int raster_kernel_reach(struct raster_spread spread);
+
+/* A height at a position in pixels; NaN. */
+float raster_kernel(const struct raster *raster, const struct raster_window *window,
+                    struct raster_spread spread, double x, double y);

@@ -1,28 +1,21 @@
-/* A raster's heights at the posts of a tile. */
+/* A raster's heights at the posts of a lattice. */
 #include <cpl_error.h>
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
 
+#include "terrain/height_step.h"
 #include "terrain/import_raster_internal.h"
-#include "terrain/tile_codec.h"
 
 #define SNAP_PIXELS    1e-6
 #define PERIODIC_STEPS 1048576.0 /* positions in a pixel of a raster round the globe */
-#define WINDOW_PIXELS  (1 << 22) /* read at once, where the work can be split */
-#define WINDOW_MAX     (1 << 27)
-
-static bool is_void(const struct raster *raster, double value)
-{
-    return !isfinite(value) || (raster->has_nodata &&
-                                (value == raster->nodata || (float)value == (float)raster->nodata));
-}
+#define WINDOW_PIXELS  (1 << 22) /* read at once */
 
 static int reserve_window(struct raster *raster, size_t pixels)
 {
     if (pixels <= raster->window_capacity)
         return 0;
-    double *window = realloc(raster->window, pixels * sizeof(*window));
+    float *window = realloc(raster->window, pixels * sizeof(*window));
     if (!window)
         return -ENOMEM;
     raster->window = window;
@@ -30,16 +23,43 @@ static int reserve_window(struct raster *raster, size_t pixels)
     return 0;
 }
 
-static int read_block(struct raster *raster, int x, int y, int width, int height,
-                      double *ret_pixels, int line_pixels, struct diag *diag)
+static int read_pixels(struct raster *raster, int x, int y, int width, int height,
+                       float *ret_pixels, int line_pixels, struct diag *diag)
 {
     CPLErrorReset();
     if (GDALRasterIOEx(raster->band, GF_Read, x, y, width, height, ret_pixels, width, height,
-                       GDT_Float64, sizeof(double), (GSpacing)sizeof(double) * line_pixels,
+                       GDT_Float32, sizeof(float), (GSpacing)sizeof(float) * line_pixels,
                        NULL) != CE_None)
         return diag_set(diag, -EBADMSG, "%s cannot be read at rows %d to %d: %s", raster->path, y,
                         y + height - 1, CPLGetLastErrorMsg());
     return 0;
+}
+
+static bool is_height(const struct raster *raster, float value, float *ret_height_m)
+{
+    double height_m = (double)value * raster->scale + raster->offset;
+    *ret_height_m = (float)height_m;
+    return height_m >= HEIGHT_MIN_M && height_m <= HEIGHT_MAX_M;
+}
+
+static int scan_lines(struct raster *raster, int y, int lines, uint64_t *data, struct diag *diag)
+{
+    size_t width = (size_t)raster->facts.width, count = (size_t)lines * width;
+    int r = read_pixels(raster, 0, y, raster->facts.width, lines, raster->window,
+                        raster->facts.width, diag);
+    for (size_t i = 0; r == 0 && i < count; i++) {
+        float height_m;
+        if (raster_is_void(raster, raster->window[i]))
+            continue;
+        ++*data;
+        if (!is_height(raster, raster->window[i], &height_m))
+            r = diag_set(diag, -EBADMSG,
+                         "%s has %g m at row %d column %d, beyond %g .. %g m: an image, another "
+                         "unit, or a mark for missing data (--nodata)",
+                         raster->path, (double)height_m, y + (int)(i / width), (int)(i % width),
+                         HEIGHT_MIN_M, HEIGHT_MAX_M);
+    }
+    return r;
 }
 
 int raster_scan(struct raster *raster, bool (*progress)(void *user, uint64_t done, uint64_t total),
@@ -52,20 +72,7 @@ int raster_scan(struct raster *raster, bool (*progress)(void *user, uint64_t don
     int r = reserve_window(raster, (size_t)lines * (size_t)facts->width);
     for (int y = 0; r == 0 && y < facts->height; y += lines) {
         int count = facts->height - y < lines ? facts->height - y : lines;
-        r = read_block(raster, 0, y, facts->width, count, raster->window, facts->width, diag);
-        for (size_t i = 0; r == 0 && i < (size_t)count * (size_t)facts->width; i++) {
-            if (is_void(raster, raster->window[i]))
-                continue;
-            double height_m = raster->window[i] * raster->scale + raster->offset;
-            data++;
-            if (height_m < HEIGHT_MIN_M || height_m > HEIGHT_MAX_M)
-                r = diag_set(
-                    diag, -EBADMSG,
-                    "%s has %g m at row %d column %d, beyond %g .. %g m: an image, another "
-                    "unit, or a mark for missing data (--nodata)",
-                    raster->path, height_m, y + (int)(i / (size_t)facts->width),
-                    (int)(i % (size_t)facts->width), HEIGHT_MIN_M, HEIGHT_MAX_M);
-        }
+        r = scan_lines(raster, y, count, &data, diag);
         if (r == 0 && progress && progress(user, (uint64_t)(y + count), (uint64_t)facts->height))
             r = diag_set(diag, -ECANCELED, "interrupted");
     }
@@ -75,33 +82,100 @@ int raster_scan(struct raster *raster, bool (*progress)(void *user, uint64_t don
     return r;
 }
 
-/* Positions of a tile's posts, as pixels of the raster counted from the first one's centre; NaN
- * outside. */
-static void place_posts(struct raster *raster, const struct grid *grid, struct tile_id id)
+/* A part of a lattice: rows and columns of it. */
+struct part {
+    int row, col, rows, cols;
+};
+
+/* Degrees of longitude, running on beyond 180; the last post of the globe lies at 180 exactly. */
+static double lattice_lon_deg(const struct grid *grid, const struct raster_lattice *lattice,
+                              int64_t col)
 {
-    unsigned shift = grid_lon_shift(grid, id.level, id.row);
+    int64_t around = grid_cells_around(grid, lattice->level, lattice->shift);
+    int64_t turns = grid_floor_div(col, around);
+    double lon_deg = grid_post_lon_deg(grid, lattice->level, lattice->shift, col - turns * around);
+    return lon_deg + 360.0 * (double)turns;
+}
+
+/* Where the pixels are the posts themselves: a copy. Returns 1 where they are not. */
+static int sample_direct(struct raster *raster, const struct grid *grid,
+                         const struct raster_lattice *lattice, float *ret_heights_m,
+                         struct diag *diag)
+{
+    double step_deg = grid_lon_step_deg(grid, lattice->level, lattice->shift);
+    int64_t around = grid_cells_around(grid, lattice->level, lattice->shift);
+    double first_lon = lattice_lon_deg(grid, lattice, lattice->col0);
+    double last_lon = lattice_lon_deg(grid, lattice, lattice->col0 + lattice->cols - 1);
+    double first_lat = grid_post_lat_deg(grid, lattice->level, lattice->row0);
+    double last_lat =
+        grid_post_lat_deg(grid, lattice->level, lattice->row0 + lattice->rows - 1);
+    double x = (first_lon - raster->west) / raster->dx, x1 = (last_lon - raster->west) / raster->dx;
+    double y = (first_lat - raster->north) / raster->dy;
+    double y1 = (last_lat - raster->north) / raster->dy, turn = 360.0 / raster->dx;
+    int up = raster->dy < 0.0 ? -1 : 1;
+    if (!raster->facts.geographic || raster->dx < 0.0 || fabs(turn - nearbyint(turn)) > 1e-6 ||
+        step_deg * (double)around != 360.0 || fabs(x - nearbyint(x)) > ALIGNED_PIXELS ||
+        fabs(y - nearbyint(y)) > ALIGNED_PIXELS ||
+        fabs(x1 - x - (lattice->cols - 1)) > ALIGNED_PIXELS ||
+        fabs(y1 - y - up * (lattice->rows - 1)) > ALIGNED_PIXELS)
+        return 1;
+    int64_t south = llrint(y), low = up > 0 ? south : south - (lattice->rows - 1);
+    int64_t line0 = low > 0 ? low : 0, line1 = low + lattice->rows;
+    line1 = line1 < raster->facts.height ? line1 : raster->facts.height;
+    for (int k = -2; k <= 2; k++) {
+        int64_t west = llrint(x) + k * llrint(turn), begin = west > 0 ? west : 0;
+        int64_t end = west + lattice->cols;
+        end = end < raster->facts.width ? end : raster->facts.width;
+        if (begin >= end)
+            continue;
+        for (int64_t line = line0; line < line1; line += 64) {
+            int lines = line1 - line < 64 ? (int)(line1 - line) : 64, width = (int)(end - begin);
+            int r = reserve_window(raster, (size_t)lines * (size_t)width);
+            if (r == 0)
+                r = read_pixels(raster, (int)begin, (int)line, width, lines, raster->window, width,
+                                diag);
+            if (r < 0)
+                return r;
+            for (int i = 0; i < lines; i++) {
+                int64_t row = up > 0 ? line + i - south : south - (line + i);
+                float *out = ret_heights_m + row * lattice->cols + (begin - west), height_m;
+                const float *in = raster->window + (size_t)i * (size_t)width;
+                for (int j = 0; j < width; j++)
+                    if (!raster_is_void(raster, in[j]))
+                        out[j] = is_height(raster, in[j], &height_m) ? height_m : NAN;
+            }
+        }
+    }
+    return 0;
+}
+
+/* Positions of a part's posts in pixels counted from the centre of the raster's first one; NaN
+ * outside. */
+static void place_posts(struct raster *raster, const struct grid *grid,
+                        const struct raster_lattice *lattice, const struct part *part)
+{
+    int count = part->rows * part->cols;
     double margin = raster->area ? 0.5 : SNAP_PIXELS;
     double width = raster->facts.width, height = raster->facts.height;
     double turn = 360.0 / raster->dx; /* pixels round the globe, with the sign of dx */
-    for (int row = 0, i = 0; row < TILE_POSTS; row++)
-        for (int col = 0; col < TILE_POSTS; col++, i++) {
-            raster->lat[i] = grid_post_lat_deg(grid, id.level, (int64_t)id.row * TILE_CELLS + row);
-            raster->lon[i] =
-                grid_post_lon_deg(grid, id.level, shift, (int64_t)id.col * TILE_CELLS + col);
+    for (int row = 0, i = 0; row < part->rows; row++)
+        for (int col = 0; col < part->cols; col++, i++) {
+            raster->lat[i] =
+                grid_post_lat_deg(grid, lattice->level, lattice->row0 + part->row + row);
+            raster->lon[i] = lattice_lon_deg(grid, lattice, lattice->col0 + part->col + col);
         }
     if (raster->from_lonlat)
-        OCTTransform(raster->from_lonlat, TILE_POST_COUNT, raster->lon, raster->lat, NULL);
-    for (int i = 0; i < TILE_POST_COUNT; i++) {
+        OCTTransform(raster->from_lonlat, count, raster->lon, raster->lat, NULL);
+    for (int i = 0; i < count; i++) {
         double x = (raster->lon[i] - raster->west) / raster->dx;
         double y = (raster->lat[i] - raster->north) / raster->dy;
         if (raster->facts.geographic) {
-            double end =
-                raster->periodic ? width - 1.0 + (1.0 - SNAP_PIXELS) : width - 1.0 + margin;
+            double end = raster->periodic ? width - SNAP_PIXELS : width - 1.0 + margin;
             double low = raster->periodic ? -SNAP_PIXELS : -margin;
-            for (int side = 0; side < 2 && (x < low || x > end); side++)
+            for (int side = 0; side < 3 && (x < low || x > end); side++)
                 x += (x < low) == (turn > 0.0) ? turn : -turn;
         }
-        double last = raster->periodic ? 2.0 * width : width - 1.0;
+        double last = raster->periodic ? width : width - 1.0;
         bool inside = isfinite(x) && isfinite(y) && x >= -margin && y >= -margin &&
                       x <= last + margin && y <= height - 1.0 + margin;
         double nearest_x = nearbyint(x), nearest_y = nearbyint(y);
@@ -112,46 +186,21 @@ static void place_posts(struct raster *raster, const struct grid *grid, struct t
             x = nearbyint(x * PERIODIC_STEPS) / PERIODIC_STEPS; /* a turn more keeps every bit */
             if (i > 0 && !isnan(raster->lon[0]) && x < raster->lon[0] - 0.5 * width)
                 x += width; /* beyond the seam: read on from the first column */
+            else if (i > 0 && !isnan(raster->lon[0]) && x > raster->lon[0] + 0.5 * width)
+                x -= width;
+        } else {
+            x = fmin(fmax(x, 0.0), width - 1.0);
         }
-        raster->lon[i] = inside ? fmin(fmax(x, 0.0), last) : NAN;
+        raster->lon[i] = inside ? x : NAN;
         raster->lat[i] = inside ? fmin(fmax(y, 0.0), height - 1.0) : NAN;
     }
 }
 
-/* Positions become those in the raster's averages. Block k holds the pixels from k * factor on,
- * wherever a tile looks from; the last one may be narrower, and its centre is nearer. */
-static double block_from_pixel(double pixel, int factor, int pixels)
-{
-    int last = (pixels - 1) / factor;
-    double last_centre = 0.5 * ((double)last * factor + pixels - 1);
-    double before = 0.5 * (factor - 1) + (double)(last - 1) * factor; /* centre of the one before */
-    if (last == 0 || pixel >= last_centre)
-        return last;
-    if (pixel > before)
-        return last - 1 + (pixel - before) / (last_centre - before);
-    return fmax((pixel - 0.5 * (factor - 1)) / factor, 0.0);
-}
-
-static void place_posts_in_blocks(struct raster *raster, int factor)
-{
-    for (int i = 0; i < TILE_POST_COUNT; i++)
-        if (!isnan(raster->lon[i])) {
-            raster->lon[i] = block_from_pixel(raster->lon[i], factor, raster->facts.width);
-            raster->lat[i] = block_from_pixel(raster->lat[i], factor, raster->facts.height);
-        }
-}
-
-/* A rectangle in memory: of pixels or, with a factor above 1, of averages of factor x factor. */
-struct window {
-    int x, y, width, height;
-    int factor;
-};
-
-static bool window_around(const struct raster *raster, int begin, int end, int factor,
-                          struct window *ret_window)
+static bool window_around(const struct raster *raster, int count, int reach,
+                          struct raster_window *ret_window)
 {
     double x0 = 1e300, y0 = 1e300, x1 = -1e300, y1 = -1e300;
-    for (int i = begin; i < end; i++) {
+    for (int i = 0; i < count; i++) {
         if (isnan(raster->lon[i]))
             continue;
         x0 = fmin(x0, raster->lon[i]);
@@ -161,133 +210,97 @@ static bool window_around(const struct raster *raster, int begin, int end, int f
     }
     if (x0 > x1)
         return false;
-    int columns = (raster->facts.width - 1) / factor + 1;
-    int lines = (raster->facts.height - 1) / factor + 1;
-    struct window window = {.x = (int)x0, .y = (int)y0, .factor = factor};
-    window.width = (int)fmin(floor(x1) + 2.0, raster->periodic ? 2 * columns : columns) - window.x;
-    window.height = (int)fmin(floor(y1) + 2.0, lines) - window.y;
-    *ret_window = window;
+    double last_x = raster->facts.width - 1.0, last_y = raster->facts.height - 1.0;
+    x0 = floor(x0) - reach, x1 = ceil(x1) + reach;
+    if (!raster->periodic) {
+        x0 = fmax(x0, 0.0);
+        x1 = fmin(x1, last_x);
+    }
+    y0 = fmax(floor(y0) - reach, 0.0);
+    y1 = fmin(ceil(y1) + reach, last_y);
+    *ret_window = (struct raster_window){.x = (int)x0,
+                                         .y = (int)y0,
+                                         .width = (int)(x1 - x0) + 1,
+                                         .height = (int)(y1 - y0) + 1};
     return true;
 }
 
-static int read_pixels(struct raster *raster, const struct window *window, struct diag *diag)
+/* Reads a window, round the globe where the raster goes round it. */
+static int fill_window(struct raster *raster, struct raster_window *window, struct diag *diag)
 {
-    int r = reserve_window(raster, (size_t)window->width * (size_t)window->height);
-    int raster_width = raster->facts.width;
-    if (r < 0)
-        return r;
-    int first = raster_width - window->x; /* columns before the seam of a raster round the globe */
-    if (first >= window->width)
-        return read_block(raster, window->x, window->y, window->width, window->height,
-                          raster->window, window->width, diag);
-    if (first > 0)
-        r = read_block(raster, window->x, window->y, first, window->height, raster->window,
-                       window->width, diag);
-    int begin = first > 0 ? first : 0, x = first > 0 ? 0 : -first;
-    if (r == 0)
-        r = read_block(raster, x, window->y, window->width - begin, window->height,
-                       raster->window + begin, window->width, diag);
+    int width = raster->facts.width, r = reserve_window(raster, (size_t)window->width *
+                                                                    (size_t)window->height);
+    for (int done = 0; r == 0 && done < window->width;) {
+        int x = (int)((window->x + done) - grid_floor_div(window->x + done, width) * width);
+        int run = width - x < window->width - done ? width - x : window->width - done;
+        r = read_pixels(raster, x, window->y, run, window->height, raster->window + done,
+                        window->width, diag);
+        done += run;
+    }
+    window->pixels = raster->window;
     return r;
 }
 
-/* Adds one line of pixels to the sums of its blocks. */
-static void add_line(const struct raster *raster, const double *pixels, int width, int factor,
-                     double *sums, double *counts)
-{
-    for (int i = 0; i < width; i++)
-        if (!is_void(raster, pixels[i])) {
-            sums[i / factor] += pixels[i];
-            counts[i / factor] += 1.0;
-        }
-}
+static int sample_part(struct raster *raster, const struct grid *grid,
+                       const struct raster_lattice *lattice, const struct part *part,
+                       float *ret_heights_m, struct diag *diag);
 
-/* One line of averages; NaN where no pixel of a block has data. `scratch` holds the counts of a
- * line and then one line of pixels. */
-static int average_line(struct raster *raster, const struct window *window, int line,
-                        double *ret_averages, double *scratch, struct diag *diag)
+static int sample_halves(struct raster *raster, const struct grid *grid,
+                         const struct raster_lattice *lattice, const struct part *part,
+                         float *ret_heights_m, struct diag *diag)
 {
-    int factor = window->factor, x = window->x * factor, y = (window->y + line) * factor;
-    int width = (int)fmin((double)window->width * factor, raster->facts.width - x);
-    int end = (int)fmin((double)y + factor, raster->facts.height);
-    double *counts = scratch, *pixels = scratch + window->width;
-    for (int i = 0; i < window->width; i++)
-        ret_averages[i] = counts[i] = 0.0;
-    for (; y < end; y++) {
-        int r = read_block(raster, x, y, width, 1, pixels, width, diag);
-        if (r < 0)
-            return r;
-        add_line(raster, pixels, width, factor, ret_averages, counts);
+    struct part first = *part, second = *part;
+    if (part->rows >= part->cols) {
+        first.rows = part->rows / 2;
+        second.row += first.rows;
+        second.rows -= first.rows;
+    } else {
+        first.cols = part->cols / 2;
+        second.col += first.cols;
+        second.cols -= first.cols;
     }
-    for (int i = 0; i < window->width; i++)
-        ret_averages[i] = counts[i] > 0.0 ? ret_averages[i] / counts[i] : NAN;
-    return 0;
+    int r = sample_part(raster, grid, lattice, &first, ret_heights_m, diag);
+    return r < 0 ? r : sample_part(raster, grid, lattice, &second, ret_heights_m, diag);
 }
 
-/* Averages of all pixels, never of an overview: that one's pixels would lie otherwise. */
-static int read_window(struct raster *raster, const struct window *window, struct diag *diag)
-{
-    if (window->factor == 1)
-        return read_pixels(raster, window, diag);
-    size_t width = (size_t)window->width, averages = width * (size_t)window->height;
-    int r = reserve_window(raster, averages + width + width * (size_t)window->factor);
-    for (int line = 0; r == 0 && line < window->height; line++)
-        r = average_line(raster, window, line, raster->window + (size_t)line * width,
-                         raster->window + averages, diag);
-    return r;
-}
-
-/* Bilinear; pixels that would have no weight are not looked at, others must all have data. */
-static float sample_window(const struct raster *raster, const struct window *window, double px,
-                           double py)
-{
-    double x = px - window->x, y = py - window->y;
-    int column = (int)x, line = (int)y;
-    double fx = x - column, fy = y - line, sum = 0.0;
-    for (int corner = 0; corner < 4; corner++) {
-        double weight = (corner & 1 ? fx : 1.0 - fx) * (corner & 2 ? fy : 1.0 - fy);
-        if (weight == 0.0)
-            continue;
-        double value = raster->window[(size_t)(line + corner / 2) * (size_t)window->width +
-                                      (size_t)(column + corner % 2)];
-        if (is_void(raster, value))
-            return NAN;
-        sum += weight * value;
-    }
-    double height_m = sum * raster->scale + raster->offset;
-    return height_m >= HEIGHT_MIN_M && height_m <= HEIGHT_MAX_M ? (float)height_m : NAN;
-}
-
-static int sample_rows(struct raster *raster, int first, int last, int factor, float *ret_heights_m,
-                       struct diag *diag)
-{
-    struct window window;
-    int begin = first * TILE_POSTS, end = (last + 1) * TILE_POSTS;
-    for (int i = begin; i < end; i++)
-        ret_heights_m[i] = NAN;
-    if (!window_around(raster, begin, end, factor, &window))
-        return 0;
-    int64_t pixels = (int64_t)window.width * window.height;
-    if (pixels > WINDOW_PIXELS && first < last) {
-        int middle = (first + last) / 2;
-        int r = sample_rows(raster, first, middle, factor, ret_heights_m, diag);
-        return r < 0 ? r : sample_rows(raster, middle + 1, last, factor, ret_heights_m, diag);
-    }
-    if (pixels > WINDOW_MAX)
-        return diag_set(diag, -EFBIG, "%s is too finely divided to be read across its pole",
-                        raster->path);
-    int r = read_window(raster, &window, diag);
-    for (int i = begin; r == 0 && i < end; i++)
-        if (!isnan(raster->lon[i]))
-            ret_heights_m[i] = sample_window(raster, &window, raster->lon[i], raster->lat[i]);
-    return r;
-}
-
-int raster_sample_tile(struct raster *raster, const struct grid *grid, struct tile_id id,
+static int sample_part(struct raster *raster, const struct grid *grid,
+                       const struct raster_lattice *lattice, const struct part *part,
                        float *ret_heights_m, struct diag *diag)
 {
-    int factor = raster_averaging_factor(raster, grid);
-    place_posts(raster, grid, id);
-    if (factor > 1)
-        place_posts_in_blocks(raster, factor);
-    return sample_rows(raster, 0, TILE_POSTS - 1, factor, ret_heights_m, diag);
+    struct raster_window window;
+    int count = part->rows * part->cols, reach = 2;
+    if (count > RASTER_CHUNK)
+        return sample_halves(raster, grid, lattice, part, ret_heights_m, diag);
+    for (int row = 0; row < part->rows; row += part->rows > 1 ? part->rows - 1 : 1) {
+        int own = raster_kernel_reach(raster_spread_at(raster, grid, lattice->level,
+                                                       lattice->row0 + part->row + row));
+        reach = own > reach ? own : reach;
+    }
+    place_posts(raster, grid, lattice, part);
+    if (!window_around(raster, count, reach, &window))
+        return 0;
+    if ((int64_t)window.width * window.height > WINDOW_PIXELS && count > 1)
+        return sample_halves(raster, grid, lattice, part, ret_heights_m, diag);
+    int r = fill_window(raster, &window, diag);
+    for (int row = 0, i = 0; r == 0 && row < part->rows; row++) {
+        struct raster_spread spread =
+            raster_spread_at(raster, grid, lattice->level, lattice->row0 + part->row + row);
+        float *out = ret_heights_m + (size_t)(part->row + row) * (size_t)lattice->cols + part->col;
+        for (int col = 0; col < part->cols; col++, i++)
+            if (!isnan(raster->lon[i]))
+                out[col] =
+                    raster_kernel(raster, &window, spread, raster->lon[i], raster->lat[i]);
+    }
+    return r;
+}
+
+int raster_sample(struct raster *raster, const struct grid *grid,
+                  const struct raster_lattice *lattice, float *ret_heights_m, struct diag *diag)
+{
+    size_t count = (size_t)lattice->rows * (size_t)lattice->cols;
+    struct part whole = {0, 0, lattice->rows, lattice->cols};
+    for (size_t i = 0; i < count; i++)
+        ret_heights_m[i] = NAN;
+    int r = sample_direct(raster, grid, lattice, ret_heights_m, diag);
+    return r == 1 ? sample_part(raster, grid, lattice, &whole, ret_heights_m, diag) : r;
 }

@@ -5,12 +5,17 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define NONE UINT32_MAX
+#include "terrain/height_step.h"
+
+#define NONE         UINT32_MAX
+#define CAPACITY_MIN 64 /* more than twice the levels: a tile's ancestors stay while it is made */
 
 struct entry {
     struct tile_id id;
     float *heights_m; /* owned; kept when the entry is reused */
-    bool present;     /* false: known to be absent */
+    int status;       /* 0, DATABASE_ABSENT or -errno */
+    bool present;     /* false: no heights at all */
+    uint8_t children; /* of its record, where it has one */
     uint32_t newer, older, chain;
 };
 
@@ -20,6 +25,7 @@ struct tile_cache {
     uint32_t *buckets; /* bucket_count, a power of two: first entry of each chain */
     uint32_t capacity, count, bucket_count, newest, oldest;
     uint64_t loaded, errors;
+    int32_t *symbols; /* two tiles: a parent's, its child's */
 };
 
 int tile_cache_create(struct database *database, unsigned capacity, struct tile_cache **ret_cache)
@@ -28,13 +34,14 @@ int tile_cache_create(struct database *database, unsigned capacity, struct tile_
     if (!cache)
         return -ENOMEM;
     cache->database = database;
-    cache->capacity = capacity < 32 ? 32 : capacity;
+    cache->capacity = capacity < CAPACITY_MIN ? CAPACITY_MIN : capacity;
     cache->newest = cache->oldest = NONE;
     for (cache->bucket_count = 32; cache->bucket_count < 2 * cache->capacity;)
         cache->bucket_count *= 2;
     cache->entries = calloc(cache->capacity, sizeof(*cache->entries));
     cache->buckets = malloc(cache->bucket_count * sizeof(*cache->buckets));
-    if (!cache->entries || !cache->buckets) {
+    cache->symbols = malloc(2 * TILE_POST_COUNT * sizeof(*cache->symbols));
+    if (!cache->entries || !cache->buckets || !cache->symbols) {
         tile_cache_destroy(cache);
         return -ENOMEM;
     }
@@ -51,6 +58,7 @@ void tile_cache_destroy(struct tile_cache *cache)
         free(cache->entries[i].heights_m);
     free(cache->entries);
     free(cache->buckets);
+    free(cache->symbols);
     free(cache);
 }
 
@@ -156,47 +164,75 @@ static bool heights_from_parent(const struct grid *grid, struct tile_id id, cons
     return any;
 }
 
-/* Fills an entry for a tile that could not be read; false where there is nothing to fill it with.
- */
-static bool fill_from_parent(struct tile_cache *cache, struct entry *entry, const float *parent)
+/* Reads and decodes a tile; its parent's heights give its parent's symbols back. */
+static int decode_tile(struct tile_cache *cache, struct entry *entry, const float *parent)
 {
-    return parent &&
-           heights_from_parent(database_grid(cache->database), entry->id, parent, entry->heights_m);
+    const struct grid *grid = database_grid(cache->database);
+    double step_m = database_step_m(cache->database);
+    int32_t *parent_symbols = parent ? cache->symbols + TILE_POST_COUNT : NULL;
+    struct tile_record record = {.payload_size = 0};
+    int r = database_read_record(cache->database, entry->id, &record, NULL);
+    if (r != 0)
+        return r;
+    if (parent)
+        symbols_from_heights(parent, TILE_POST_COUNT, step_m, parent_symbols);
+    r = tile_record_decode(&record, grid, parent_symbols, cache->symbols, NULL);
+    if (r == 0)
+        heights_from_symbols(cache->symbols, TILE_POST_COUNT, step_m, entry->heights_m);
+    entry->children = record.children;
+    tile_record_finish(&record);
+    return r;
+}
+
+/* What a tile is, given what its parent is (NULL: it is on the top level). */
+static int load_heights(struct tile_cache *cache, struct entry *entry, const struct entry *parent)
+{
+    const struct grid *grid = database_grid(cache->database);
+    bool expected = parent && parent->status == 0 &&
+                    parent->children & tile_child_bit(grid, entry->id);
+    int status = !parent || expected    ? decode_tile(cache, entry, parent ? parent->heights_m : NULL)
+                 : parent->status < 0 ? parent->status
+                                      : DATABASE_ABSENT;
+    if (expected && status == DATABASE_ABSENT)
+        status = -EBADMSG;
+    entry->present = status == 0 || (parent && parent->present &&
+                                     heights_from_parent(grid, entry->id, parent->heights_m,
+                                                         entry->heights_m));
+    return status;
 }
 
 static uint32_t load_entry(struct tile_cache *cache, struct tile_id id)
 {
-    uint32_t index = take_entry(cache);
+    uint32_t above = NONE;
+    if (id.level < database_top_level(cache->database)) {
+        struct tile_id up = grid_parent(database_grid(cache->database), id);
+        int status;
+        (void)tile_cache_look(cache, up, &status);
+        above = find_entry(cache, up);
+        if (above == NONE)
+            return NONE;
+    }
+    uint32_t index = take_entry(cache); /* never the parent: that is the newest */
     if (index == NONE)
         return NONE;
     struct entry *entry = &cache->entries[index];
     entry->id = id;
-    entry->present = false;
+    entry->children = 0;
     uint32_t *bucket = &cache->buckets[bucket_of(cache, id)];
     entry->chain = *bucket;
     *bucket = index;
-
-    int r = database_read_tile(cache->database, id, entry->heights_m, NULL);
-    if (r == 0) {
-        cache->loaded++;
-        entry->present = true;
-        return index;
-    }
-    /* Fetching the parents keeps this entry: at most one a level, and there is room for 32. */
-    const float *parent = NULL;
-    if (id.level < database_top_level(cache->database))
-        parent = tile_cache_get(cache, grid_parent(database_grid(cache->database), id));
-    entry->present = fill_from_parent(cache, entry, parent);
-    if (r < 0 || entry->present)
-        cache->errors++;
+    entry->status = load_heights(cache, entry, above == NONE ? NULL : &cache->entries[above]);
+    cache->loaded += entry->status == 0;
+    cache->errors += entry->status < 0;
     return index;
 }
 
-const float *tile_cache_get(struct tile_cache *cache, struct tile_id id)
+const float *tile_cache_look(struct tile_cache *cache, struct tile_id id, int *ret_status)
 {
     uint32_t index = find_entry(cache, id);
     if (index == NONE) {
         index = load_entry(cache, id);
+        *ret_status = -ENOMEM;
         if (index == NONE)
             return NULL;
     }
@@ -204,5 +240,12 @@ const float *tile_cache_get(struct tile_cache *cache, struct tile_id id)
         unlink_entry(cache, index);
         link_newest(cache, index);
     }
+    *ret_status = cache->entries[index].status;
     return cache->entries[index].present ? cache->entries[index].heights_m : NULL;
+}
+
+const float *tile_cache_get(struct tile_cache *cache, struct tile_id id)
+{
+    int status;
+    return tile_cache_look(cache, id, &status);
 }

@@ -1,0 +1,157 @@
+/* A database from parts: a merge in the order of the tiles' keys. */
+#include <errno.h>
+#include <fcntl.h>
+#include <libgen.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "terrain/database_internal.h"
+#include "terrain/database_writer.h"
+
+/* Small pages: a tile is a few kilobytes, and what its last page leaves free is lost (decision
+ * 0005). */
+#define COMPOSE_PRAGMAS                                                                            \
+    "PRAGMA page_size=1024; PRAGMA journal_mode=OFF; PRAGMA synchronous=OFF;"                      \
+    "PRAGMA cache_size=-8192"
+
+/* One part's tiles, in order; `key` is where it stands, INT64_MAX at its end. */
+struct cursor {
+    struct database *database;
+    sqlite3_stmt *statement;
+    int64_t key;
+};
+
+static int advance(struct cursor *cursor, struct diag *diag)
+{
+    int r = database_sql_step(cursor->database, cursor->statement, "reading tiles", diag);
+    if (r < 0)
+        return r;
+    cursor->key = r == 1 ? sqlite3_column_int64(cursor->statement, 0) : INT64_MAX;
+    return 0;
+}
+
+static int copy_tile(struct database *output, struct cursor *from, uint64_t *tiles,
+                     struct diag *diag)
+{
+    struct tile_record record = {.payload_size = 0};
+    int r = database_take_record(from->statement, &record, diag);
+    if (r < 0) {
+        struct tile_id id = tile_id_from_key(from->key);
+        diag_prefix(diag, "%s: tile level %d row %d column %d", from->database->path, id.level,
+                    id.row, id.col);
+        return r;
+    }
+    if (record.payload_size) {
+        r = database_write_record(output, &record, diag);
+        ++*tiles;
+    }
+    tile_record_finish(&record);
+    return r;
+}
+
+static int merge_tiles(struct database *output, struct cursor *cursors, size_t count,
+                       uint64_t *ret_tiles, struct diag *diag)
+{
+    int r = 0;
+    *ret_tiles = 0;
+    while (r == 0) {
+        struct cursor *first = &cursors[0];
+        for (size_t i = 1; i < count; i++)
+            first = cursors[i].key < first->key ? &cursors[i] : first;
+        int64_t key = first->key;
+        if (key == INT64_MAX)
+            break;
+        r = copy_tile(output, first, ret_tiles, diag);
+        for (size_t i = 0; r == 0 && i < count; i++)
+            if (cursors[i].key == key)
+                r = advance(&cursors[i], diag);
+    }
+    return r;
+}
+
+static int copy_tiles(struct database *output, struct database *const parts[], size_t count,
+                      struct diag *diag)
+{
+    char text[32];
+    uint64_t tiles = 0;
+    struct cursor *cursors = calloc(count, sizeof(*cursors));
+    int r = cursors ? 0 : -ENOMEM;
+    for (size_t i = 0; r == 0 && i < count; i++) {
+        cursors[i].database = parts[i];
+        r = database_sql_prepare(parts[i], "SELECT " TILE_COLUMNS " FROM tiles ORDER BY key",
+                                 &cursors[i].statement, diag);
+        if (r == 0)
+            r = advance(&cursors[i], diag);
+    }
+    if (r == 0)
+        r = merge_tiles(output, cursors, count, &tiles, diag);
+    for (size_t i = 0; cursors && i < count; i++)
+        sqlite3_finalize(cursors[i].statement);
+    free(cursors);
+    snprintf(text, sizeof(text), "%llu", (unsigned long long)tiles);
+    return r == 0 ? database_set_meta(output, "tiles", text, diag) : r;
+}
+
+static int copy_sources(struct database *output, struct database *from, struct diag *diag)
+{
+    struct database_import *imports = NULL;
+    size_t count = 0;
+    int r = database_list_imports(from, &imports, &count, diag);
+    if (r == 0)
+        r = database_set_imports(output, imports, count, diag);
+    free(imports);
+    return r;
+}
+
+static int sync_path(const char *path, int flags, struct diag *diag)
+{
+    int descriptor = open(path, O_RDONLY | O_CLOEXEC | flags);
+    int r = descriptor < 0 || fsync(descriptor) < 0 ? -errno : 0;
+    if (descriptor >= 0)
+        close(descriptor);
+    return r < 0 ? diag_set(diag, r, "%s: %s", path, strerror(-r)) : 0;
+}
+
+/* The new file takes the old one's place for good. */
+static int put_in_place(const char *from, const char *to, struct diag *diag)
+{
+    char folder[DATABASE_NAME_MAX + 16];
+    int r = sync_path(from, 0, diag);
+    if (r == 0 && rename(from, to) < 0)
+        r = diag_set(diag, -errno, "%s: %s", to, strerror(errno));
+    snprintf(folder, sizeof(folder), "%s", to);
+    return r == 0 ? sync_path(dirname(folder), O_DIRECTORY, diag) : r;
+}
+
+int database_compose(const char *path, struct database *const parts[], size_t count,
+                     struct diag *diag)
+{
+    struct database *output = calloc(1, sizeof(*output));
+    struct database_params params;
+    if (!output)
+        return -ENOMEM;
+    snprintf(output->path, sizeof(output->path), "%.*s.new", DATABASE_NAME_MAX - 8, path);
+    unlink(output->path);
+    int r = database_get_params(parts[0], &params, diag);
+    params.shard[0] = '\0';
+    if (r == 0)
+        r = database_make(output, COMPOSE_PRAGMAS, DATABASE_APPLICATION_ID, &params, diag);
+    if (r == 0)
+        r = copy_sources(output, parts[0], diag);
+    if (r == 0)
+        r = copy_tiles(output, parts, count, diag);
+    if (r == 0)
+        r = database_seal_meta(output, diag);
+    if (r == 0)
+        r = database_commit(output, diag);
+    char name[DATABASE_NAME_MAX];
+    snprintf(name, sizeof(name), "%s", output->path);
+    database_close(output);
+    if (r == 0)
+        r = put_in_place(name, path, diag);
+    if (r < 0)
+        unlink(name);
+    return r;
+}
