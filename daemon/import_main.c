@@ -31,13 +31,16 @@ static const char usage[] =
     "      --nodata VALUE     this value means missing data, whatever the raster says\n"
     "      --priority N       covers sources of lower priority (0); later ones cover equal ones\n"
     "  -j, --jobs N           threads (one for each processor)\n"
+    "      --shard I/N        only the I-th of N parts of the work; otwd merge puts the files together\n"
     "      --json             print the result as JSON\n"
     "  -q, --quiet            no progress\n"
     "  -h, --help  --version\n";
 
 struct arguments {
     struct import_params import;
-    double max_error_m, nodata;
+    struct import_options options; /* of all sources */
+    struct import_input *inputs;   /* owned */
+    double max_error_m;
     bool json, quiet, done; /* done: help or version was printed */
 };
 
@@ -48,6 +51,7 @@ enum long_option {
     OPTION_CRS,
     OPTION_NODATA,
     OPTION_PRIORITY,
+    OPTION_SHARD,
     OPTION_JSON,
     OPTION_VERSION,
 };
@@ -61,6 +65,7 @@ static const struct option long_options[] = {
     {"nodata", required_argument, NULL, OPTION_NODATA},
     {"priority", required_argument, NULL, OPTION_PRIORITY},
     {"jobs", required_argument, NULL, 'j'},
+    {"shard", required_argument, NULL, OPTION_SHARD},
     {"json", no_argument, NULL, OPTION_JSON},
     {"quiet", no_argument, NULL, 'q'},
     {"help", no_argument, NULL, 'h'},
@@ -95,9 +100,22 @@ static bool whole_from_text(const char *text, long low, long high, long *ret_val
     return true;
 }
 
+static bool shard_from_text(const char *text, unsigned *ret_shard, unsigned *ret_count)
+{
+    unsigned number, count;
+    char end;
+    if (sscanf(text, "%u/%u%c", &number, &count, &end) != 2 || number < 1 || number > count ||
+        count > 65536)
+        return false;
+    *ret_shard = number - 1;
+    *ret_count = count;
+    return true;
+}
+
 static int take_option(struct arguments *arguments, int option)
 {
     struct import_params *import = &arguments->import;
+    struct import_options *options = &arguments->options;
     long whole = 0;
     switch (option) {
     case 'o':
@@ -109,30 +127,34 @@ static int take_option(struct arguments *arguments, int option)
             return 0;
         return bad_value("--max-error", optarg, "metres, 0 to 1000");
     case OPTION_VERTICAL:
-        if (import_vertical_from_name(optarg, &import->vertical) == 0)
+        if (import_vertical_from_name(optarg, &options->vertical) == 0)
             return 0;
         return bad_value("--vertical", optarg, "egm96, egm2008, egm84 or ellipsoid");
     case OPTION_GEOID:
-        import->geoid_path = optarg;
+        options->geoid_path = optarg;
         return 0;
     case OPTION_CRS:
-        import->crs = optarg;
+        options->crs = optarg;
         return 0;
     case OPTION_NODATA:
-        import->nodata = &arguments->nodata;
-        if (number_from_text(optarg, -HUGE_VAL, HUGE_VAL, &arguments->nodata))
+        options->has_nodata = true;
+        if (number_from_text(optarg, -HUGE_VAL, HUGE_VAL, &options->nodata))
             return 0;
         return bad_value("--nodata", optarg, "a number");
     case OPTION_PRIORITY:
         if (!whole_from_text(optarg, -1000000, 1000000, &whole))
             return bad_value("--priority", optarg, "a whole number, -1000000 to 1000000");
-        import->priority = (int)whole;
+        options->priority = (int)whole;
         return 0;
     case 'j':
         if (!whole_from_text(optarg, 1, 64, &whole))
             return bad_value("--jobs", optarg, "a whole number, 1 to 64");
         import->jobs = (unsigned)whole;
         return 0;
+    case OPTION_SHARD:
+        if (shard_from_text(optarg, &import->shard, &import->shard_count))
+            return 0;
+        return bad_value("--shard", optarg, "I/N, 1/N to N/N");
     case OPTION_JSON:
         arguments->json = true;
         return 0;
@@ -160,9 +182,15 @@ static int parse_arguments(int argc, char **argv, struct arguments *arguments)
         r = take_option(arguments, option);
     if (r != 0 || arguments->done)
         return r;
-    arguments->import.sources = (const char *const *)argv + optind;
-    arguments->import.source_count = (size_t)(argc - optind);
-    if (arguments->import.source_count == 0 || !arguments->import.database) {
+    size_t count = (size_t)(argc - optind);
+    arguments->inputs = calloc(count + 1, sizeof(*arguments->inputs));
+    for (size_t i = 0; arguments->inputs && i < count; i++)
+        arguments->inputs[i] = (struct import_input){argv[optind + (int)i], arguments->options};
+    arguments->import.inputs = arguments->inputs;
+    arguments->import.input_count = count;
+    if (!arguments->inputs)
+        return EX_OSERR;
+    if (arguments->import.input_count == 0 || !arguments->import.database) {
         fprintf(stderr, "otwd-import: %s (see --help)\n",
                 arguments->import.database ? "no source was given" : "no -o DB was given");
         return EX_USAGE;
@@ -230,6 +258,7 @@ static int exit_code(int error)
     case -EINVAL:
     case -E2BIG:
     case -ENAMETOOLONG:
+    case -EEXIST:
         return EX_USAGE;
     case -EBADMSG:
     case -EPROTONOSUPPORT:
@@ -251,11 +280,11 @@ static void print_result(const struct arguments *arguments, const struct import_
     if (arguments->json) {
         printf(
             "{\"sources_imported\": %zu, \"sources_skipped\": %zu, \"resumed\": %s, "
-            "\"tiles_written\": %llu, \"posts_per_degree\": %d, \"levels\": %d, "
+            "\"posts_per_degree\": %d, \"levels\": %d, "
             "\"posts\": %llu, \"max_error_m\": %g, \"bytes\": %llu, \"bytes_per_post\": %.4f, "
             "\"south_deg\": %.9g, \"west_deg\": %.9g, \"north_deg\": %.9g, \"east_deg\": %.9g}\n",
             result->imported, result->skipped, result->resumed ? "true" : "false",
-            (unsigned long long)result->tiles_written, info->posts_per_degree, info->levels,
+            info->posts_per_degree, info->levels,
             (unsigned long long)info->posts, info->max_error_m,
             (unsigned long long)info->file_bytes, info->bytes_per_post, info->south_deg,
             info->west_deg, info->north_deg, info->east_deg);
@@ -274,6 +303,12 @@ static int import_and_report(struct arguments *arguments, struct diag *diag)
     struct database *database = NULL;
     struct database_info info;
     int r = import_run(&arguments->import, &result, diag);
+    if (r == 0 && arguments->import.shard_count) {
+        if (!arguments->quiet)
+            printf("shard %u/%u: %s\n", arguments->import.shard + 1, arguments->import.shard_count,
+                   arguments->import.database);
+        return 0;
+    }
     if (r == 0)
         r = database_open(arguments->import.database, &database, diag);
     if (r == 0)

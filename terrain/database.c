@@ -6,6 +6,7 @@
 #include <sys/stat.h>
 
 #include "terrain/database_internal.h"
+#include "terrain/database_writer.h"
 
 /* SQLite's URI form of a path: only what has a meaning in a URI is escaped. */
 static void immutable_uri(const char *path, char *ret_uri, size_t size)
@@ -67,7 +68,8 @@ static int refuse_part(const struct database *database, struct diag *diag)
 
 int database_prepare(struct database *database, struct diag *diag)
 {
-    return database_sql_prepare(database, "SELECT " TILE_COLUMNS " FROM tiles WHERE key = ?1",
+    return database_sql_prepare(database,
+                                "SELECT " TILE_COLUMNS " FROM " TILE_TABLES " WHERE key = ?1",
                                 &database->read_tile, diag);
 }
 

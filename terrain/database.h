@@ -111,8 +111,8 @@ typedef bool (*database_verify_function)(void *user, const struct database_fault
 
 /* Decodes every tile and checks: SQLite's own structure, checksums, minimum and maximum, that
  * shared borders are equal in both tiles, that every post of a coarser level equals the finer
- * level's, that the stated error holds, that no tile is missing. Returns 0 where it could look at everything (faults are in the
- * report), or -errno. `function` may be NULL. */
+ * level's, that the stated error holds, that no tile is missing. Returns 0 where it could look at
+ * everything (faults are in the report), or -errno. `function` may be NULL. */
 int database_verify(struct database *database, database_verify_function function, void *user,
                     struct database_verify_report *ret_report, struct diag *diag);
 

@@ -53,11 +53,10 @@ static int extent_from_tiles(struct database *database, struct database_extent *
         unsigned shift = grid_lon_shift(grid, id.level, id.row);
         int64_t west = (int64_t)id.col * TILE_CELLS, east = west + TILE_CELLS;
         bool whole = east >= grid_cells_around(grid, id.level, shift);
-        database_extent_add(
-            extent, grid_post_lat_deg(grid, id.level, (int64_t)id.row * TILE_CELLS),
-            grid_post_lon_deg(grid, id.level, shift, west),
-            grid_post_lat_deg(grid, id.level, ((int64_t)id.row + 1) * TILE_CELLS),
-            whole ? 180.0 : grid_post_lon_deg(grid, id.level, shift, east));
+        database_extent_add(extent, grid_post_lat_deg(grid, id.level, (int64_t)id.row * TILE_CELLS),
+                            grid_post_lon_deg(grid, id.level, shift, west),
+                            grid_post_lat_deg(grid, id.level, ((int64_t)id.row + 1) * TILE_CELLS),
+                            whole ? 180.0 : grid_post_lon_deg(grid, id.level, shift, east));
     }
     sqlite3_finalize(statement);
     return r;
@@ -87,7 +86,8 @@ static int fill_levels(struct database *database, struct database_info *info, st
     sqlite3_stmt *statement = NULL;
     int r = database_sql_prepare(
         database,
-        "SELECT key >> 48, count(*), sum(length(payload)), sum(iif(children = 0, posts, 0)),"
+        "SELECT key >> 48, count(*), sum(coalesce(size, length(payload))), sum(iif(children = 0, "
+        "posts, 0)),"
         " min(min_m), max(max_m), max(error_m) FROM tiles GROUP BY key >> 48 ORDER BY 1",
         &statement, diag);
     info->min_m = INFINITY, info->max_m = -INFINITY;

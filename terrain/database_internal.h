@@ -16,10 +16,11 @@ struct database {
     char path[DATABASE_NAME_MAX];
 };
 
-/* An import works in a file of this name beside the database. */
-#define DATABASE_PART_SUFFIX ".part"
-
-#define TILE_COLUMNS "key, min_m, max_m, error_m, posts, children, checksum, payload, origin"
+/* A payload lies in the tile's own row or is a piece of a pack. */
+#define TILE_COLUMNS                                                                               \
+    "key, min_m, max_m, error_m, posts, children, checksum,"                                       \
+    " coalesce(payload, substr(bytes, start + 1, size)), origin"
+#define TILE_TABLES "tiles LEFT JOIN packs ON packs.id = tiles.pack"
 
 /* The tile of a row of TILE_COLUMNS, its checksum checked; the caller finishes the record. */
 int database_take_record(sqlite3_stmt *row, struct tile_record *ret_record, struct diag *diag);
@@ -45,6 +46,10 @@ int database_load_meta(struct database *database, struct diag *diag);
 /* Opens the file at database->path for writing, with the exclusive lock taken and kept. */
 int database_open_exclusive(struct database *database, struct diag *diag);
 int database_prepare(struct database *database, struct diag *diag);
+
+/* Stores a tile with its payload in a pack (from `start` on) or, where that is 0, in its row. */
+int database_write_row(struct database *database, const struct tile_record *record, int64_t pack,
+                       size_t start, struct diag *diag);
 
 struct database_params;
 /* Makes the file at database->path: pragmas, tables, parameters; the transaction is left open. */

@@ -206,7 +206,8 @@ static void fill_row(struct database_source *source, int level, double lat_deg,
     struct row_place place = place_row(grid, level, lat_deg);
     if (place.fraction == 0.0f)
         fill_post_row(source, level, place.row,
-                      grid_row_owner(grid, level, place.row, place.tile_row), columns, ret_heights_m);
+                      grid_row_owner(grid, level, place.row, place.tile_row), columns,
+                      ret_heights_m);
     else
         blend_rows(source, level, &place, columns, pair, ret_heights_m);
 }

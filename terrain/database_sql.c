@@ -6,7 +6,6 @@
 #include <string.h>
 #include <zlib.h>
 
-
 int database_sql_error(const struct database *database, const char *doing, struct diag *diag)
 {
     int code = sqlite3_errcode(database->sql);

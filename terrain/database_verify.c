@@ -19,9 +19,9 @@ struct verifier {
     struct database_verify_report report;
     uint64_t total;
     struct tile_cache *cache;
-    struct tile_record record;    /* of the tile */
-    float *heights;               /* of the tile */
-    const float *other;           /* of the one that it is compared with: the cache's */
+    struct tile_record record; /* of the tile */
+    float *heights;            /* of the tile */
+    const float *other;        /* of the one that it is compared with: the cache's */
     int32_t *symbols;
     uint16_t *origins;
 };
@@ -159,8 +159,8 @@ static void check_parent(struct verifier *verifier, struct tile_id id)
     if (!same)
         fault(verifier, parent, "its heights differ from those of level %d row %d column %d",
               id.level, id.row, id.col);
-    double error_m = verifier->record.error_m +
-                     block_deviation_m(grid, id, verifier->heights, verifier->other);
+    double error_m =
+        verifier->record.error_m + block_deviation_m(grid, id, verifier->heights, verifier->other);
     if (error_m > up.error_m * (1.0 + 1e-12) + 1e-9)
         fault(verifier, parent, "its error is %g m over level %d row %d column %d, not at most %g",
               error_m, id.level, id.row, id.col, up.error_m);
@@ -181,8 +181,8 @@ static void check_children(struct verifier *verifier, struct tile_id id)
             child.col = (same ? 2 : 1) * id.col + col;
             struct tile_record record = {.payload_size = 0};
             bool promised = verifier->record.children & tile_child_bit(grid, child);
-            bool absent = database_read_record(verifier->database, child, &record, NULL) ==
-                          DATABASE_ABSENT;
+            bool absent =
+                database_read_record(verifier->database, child, &record, NULL) == DATABASE_ABSENT;
             if (absent == promised)
                 fault(verifier, child, "the tile is %s by level %d row %d column %d",
                       promised ? "missing: it is promised" : "not announced", id.level, id.row,
@@ -215,15 +215,15 @@ static bool load_tile(struct verifier *verifier, struct tile_id id)
                              verifier->symbols);
         return true;
     }
-    fault(verifier, id, status == DATABASE_ABSENT ? "no coarser tile announces it"
-                                                  : "it cannot be decoded, or a coarser one cannot");
+    fault(verifier, id,
+          status == DATABASE_ABSENT ? "no coarser tile announces it"
+                                    : "it cannot be decoded, or a coarser one cannot");
     return false;
 }
 
 static void check_tile(struct verifier *verifier, struct tile_id id)
 {
-    if (!grid_has_tile(&verifier->database->grid, id) ||
-        id.level > verifier->database->top_level) {
+    if (!grid_has_tile(&verifier->database->grid, id) || id.level > verifier->database->top_level) {
         fault(verifier, id, "there is no such place on the grid");
         return;
     }
@@ -243,8 +243,8 @@ static int check_tiles(struct verifier *verifier, struct diag *diag)
 {
     sqlite3_stmt *statement = NULL;
     struct database *database = verifier->database;
-    int r = database_sql_prepare(database, "SELECT key FROM tiles ORDER BY key DESC", &statement,
-                                 diag);
+    int r =
+        database_sql_prepare(database, "SELECT key FROM tiles ORDER BY key DESC", &statement, diag);
     while (r >= 0 && !verifier->report.stopped &&
            (r = database_sql_step(database, statement, "reading tiles", diag)) == 1) {
         check_tile(verifier, tile_id_from_key(sqlite3_column_int64(statement, 0)));

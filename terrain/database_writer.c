@@ -19,7 +19,8 @@ static const char schema[] =
     " south REAL NOT NULL, west REAL NOT NULL, north REAL NOT NULL, east REAL NOT NULL);"
     "CREATE TABLE tiles(key INTEGER PRIMARY KEY, min_m REAL, max_m REAL, error_m REAL NOT NULL,"
     " posts INTEGER NOT NULL, children INTEGER NOT NULL, checksum INTEGER NOT NULL,"
-    " payload BLOB NOT NULL, origin BLOB);";
+    " pack INTEGER, start INTEGER, size INTEGER, payload BLOB, origin BLOB);"
+    "CREATE TABLE packs(id INTEGER PRIMARY KEY, bytes BLOB NOT NULL);";
 
 int database_open_exclusive(struct database *database, struct diag *diag)
 {
@@ -32,12 +33,12 @@ int database_open_exclusive(struct database *database, struct diag *diag)
 static int prepare_writer(struct database *database, struct diag *diag)
 {
     int r = database_prepare(database, diag);
-    return r < 0 ? r
-                 : database_sql_prepare(
-                       database,
-                       "INSERT OR REPLACE INTO tiles(" TILE_COLUMNS
-                       ") VALUES(?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9)",
-                       &database->write_tile, diag);
+    return r < 0
+               ? r
+               : database_sql_prepare(database,
+                                      "INSERT OR REPLACE INTO tiles"
+                                      " VALUES(?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12)",
+                                      &database->write_tile, diag);
 }
 
 /* The parameters that are numbers, as texts that read back to the same numbers. */
@@ -208,8 +209,8 @@ static void bind_height(sqlite3_stmt *statement, int index, float height_m)
         sqlite3_bind_double(statement, index, (double)height_m);
 }
 
-int database_write_record(struct database *database, const struct tile_record *record,
-                          struct diag *diag)
+int database_write_row(struct database *database, const struct tile_record *record, int64_t pack,
+                       size_t start, struct diag *diag)
 {
     sqlite3_stmt *statement = database->write_tile;
     sqlite3_bind_int64(statement, 1, tile_key(record->id));
@@ -219,16 +220,26 @@ int database_write_record(struct database *database, const struct tile_record *r
     sqlite3_bind_int64(statement, 5, record->posts);
     sqlite3_bind_int64(statement, 6, record->children);
     sqlite3_bind_int64(statement, 7, tile_record_checksum(record));
-    sqlite3_bind_blob(statement, 8, record->payload_size ? record->payload : (const void *)"",
-                      (int)record->payload_size, SQLITE_STATIC);
+    if (pack) {
+        sqlite3_bind_int64(statement, 8, pack);
+        sqlite3_bind_int64(statement, 9, (int64_t)start);
+        sqlite3_bind_int64(statement, 10, (int64_t)record->payload_size);
+    } else {
+        sqlite3_bind_blob(statement, 11, record->payload_size ? record->payload : (const void *)"",
+                          (int)record->payload_size, SQLITE_STATIC);
+    }
     if (record->origin_size)
-        sqlite3_bind_blob(statement, 9, record->origin, (int)record->origin_size, SQLITE_STATIC);
-    else
-        sqlite3_bind_null(statement, 9);
+        sqlite3_bind_blob(statement, 12, record->origin, (int)record->origin_size, SQLITE_STATIC);
     int r = database_sql_step(database, statement, "writing a tile", diag);
     sqlite3_reset(statement);
     sqlite3_clear_bindings(statement);
     return r;
+}
+
+int database_write_record(struct database *database, const struct tile_record *record,
+                          struct diag *diag)
+{
+    return database_write_row(database, record, 0, 0, diag);
 }
 
 static int run_with_number(struct database *database, const char *sql, int64_t number,
@@ -257,4 +268,10 @@ int database_is_done(struct database *database, int64_t work, struct diag *diag)
 int database_seal(struct database *database, struct diag *diag)
 {
     return database_seal_meta(database, diag);
+}
+
+int database_fold_journal(struct database *database, struct diag *diag)
+{
+    return database_sql_run(database, "PRAGMA wal_checkpoint(TRUNCATE); PRAGMA journal_mode=DELETE",
+                            diag);
 }

@@ -68,6 +68,12 @@ int database_list_imports(struct database *database, struct database_import **re
 /* Brings the metadata's checksum up to date, after the table of sources was written. */
 int database_seal(struct database *database, struct diag *diag);
 
+/* Makes a part one file that needs no journal. */
+int database_fold_journal(struct database *database, struct diag *diag);
+
+/* An import works in a file of this name beside the database. */
+#define DATABASE_PART_SUFFIX ".part"
+
 /* Makes the database at `path` (or puts a new one in its place) from files of one import:
  * parts[0] gives metadata and sources; of tiles that several have the first one's counts. Nothing
  * is at `path`, or what was there, until all is on the disk. -ENOSPC, -EIO, -EBADMSG. */

@@ -4,10 +4,9 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
-#include <zlib.h>
 
-#include "geo/egm96.h"
 #include "terrain/import_internal.h"
 
 static const char *const vertical_names[] = {
@@ -32,99 +31,42 @@ int import_vertical_from_name(const char *name, enum import_vertical *ret_vertic
     return -EINVAL;
 }
 
-/* The options that change what is read from a file; none adds nothing. A system of coordinates may
- * be a page of text: its sum stands for it. */
-static void add_options_to_key(const struct import_params *params, char *key, size_t size)
-{
-    size_t used = strlen(key);
-    if (params->crs) {
-        uLong sum = crc32(0, (const Bytef *)params->crs, (uInt)strlen(params->crs));
-        used += (size_t)snprintf(key + used, size - used, " crs=%08lx", sum);
-    }
-    if (params->nodata)
-        snprintf(key + used, size - used, " nodata=%.17g", *params->nodata);
-}
-
-static int fill_key(const struct import_job *job, struct import_source *source, struct diag *diag)
-{
-    int64_t time_s;
-    if (raster_file_state(source->path, &source->bytes, &time_s) < 0)
-        return diag_set(diag, -ENOENT, "%s: No such file or directory", source->path);
-    char *real = realpath(source->path, NULL);
-    const char *path = real ? real : source->path;
-    int r = strlen(path) < DATABASE_NAME_MAX
-                ? 0
-                : diag_set(diag, -ENAMETOOLONG, "%s: the name is too long", path);
-    if (r == 0) {
-        source->key_file_length = (size_t)snprintf(
-            source->key, sizeof(source->key), "%.*s %llu %lld ", DATABASE_NAME_MAX - 1, path,
-            (unsigned long long)source->bytes, (long long)time_s);
-        snprintf(source->key + source->key_file_length,
-                 sizeof(source->key) - source->key_file_length, "%s %d",
-                 import_vertical_name(job->params->vertical), job->params->priority);
-        add_options_to_key(job->params, source->key, sizeof(source->key));
-    }
-    free(real);
-    return r;
-}
-
-struct expansion {
-    struct import_job *job;
-    struct diag *diag;
-};
-
-static int add_source(void *user, const char *path)
-{
-    struct expansion *expansion = user;
-    struct import_job *job = expansion->job;
-    if (strlen(path) >= DATABASE_NAME_MAX)
-        return diag_set(expansion->diag, -ENAMETOOLONG, "%s: the name is too long", path);
-    if (job->source_count >= DATABASE_SOURCES_MAX)
-        return diag_set(expansion->diag, -E2BIG, "more than %d sources", DATABASE_SOURCES_MAX);
-    struct import_source *sources =
-        realloc(job->sources, (job->source_count + 1) * sizeof(*sources));
-    if (!sources)
-        return -ENOMEM;
-    job->sources = sources;
-    struct import_source *source = &sources[job->source_count++];
-    *source = (struct import_source){.bytes = 0};
-    snprintf(source->path, sizeof(source->path), "%s", path);
-    return fill_key(job, source, expansion->diag);
-}
-
-/* One of ours goes on with an import, or takes the place of one that read the same file otherwise.
- */
-static bool ends_import(const struct import_source *source, const struct database_import *import)
-{
-    return strcmp(import->key, source->key) == 0 ||
-           (!source->done && strncmp(import->key, source->key, source->key_file_length) == 0);
-}
-
-/* The sources that the database knows, for this run: those that are done need no reading, and one
- * that is not must be among ours. */
+/* The sources that the database knows: those that are the same need no reading, and those that are
+ * the same file, read otherwise, are replaced. */
 static int compare_with_database(struct import_job *job, struct diag *diag)
 {
-    struct database_import *imports = NULL;
-    size_t count = 0;
-    int r = database_list_imports(job->database, &imports, &count, diag);
-    for (size_t i = 0; r == 0 && i < count; i++)
-        for (size_t s = 0; s < job->source_count; s++)
-            if (strcmp(imports[i].key, job->sources[s].key) == 0) {
-                job->sources[s].scanned = true;
-                job->sources[s].done = imports[i].tiles_done >= imports[i].tiles_total;
-            }
-    for (size_t i = 0; r == 0 && i < count; i++) {
-        bool ours = false, unfinished = imports[i].tiles_done < imports[i].tiles_total;
-        for (size_t s = 0; unfinished && s < job->source_count; s++)
-            ours |= ends_import(&job->sources[s], &imports[i]);
-        if (unfinished && !ours)
-            r = diag_set(diag, -EINVAL,
-                         "%s holds an unfinished import of %s: run that one again first, or remove "
-                         "the database",
-                         job->params->database, imports[i].info.name);
-    }
-    free(imports);
-    return r;
+    int r = database_list_imports(job->old, &job->imports, &job->import_count, diag);
+    if (r < 0)
+        return r;
+    job->replaced = calloc(job->import_count + 1, sizeof(*job->replaced));
+    if (!job->replaced)
+        return -ENOMEM;
+    for (size_t s = 0; s < job->source_count; s++)
+        for (size_t i = 0; i < job->import_count; i++)
+            if (strcmp(job->imports[i].key, job->sources[s].key) == 0)
+                job->sources[s].done = true;
+    for (size_t s = 0; s < job->source_count; s++)
+        for (size_t i = 0; !job->sources[s].done && i < job->import_count; i++)
+            job->replaced[i] |= strncmp(job->imports[i].key, job->sources[s].key,
+                                        job->sources[s].key_file_length) == 0;
+    return 0;
+}
+
+static int open_old(struct import_job *job, struct diag *diag)
+{
+    job->exists = access(job->params->database, F_OK) == 0;
+    if (!job->exists)
+        return 0;
+    int r = database_open(job->params->database, &job->old, diag);
+    return r == 0 ? compare_with_database(job, diag) : r;
+}
+
+/* A source that is named twice is one. */
+static void drop_twins(struct import_job *job)
+{
+    for (size_t i = 0; i < job->source_count; i++)
+        for (size_t j = 0; j < i && !job->sources[i].done; j++)
+            job->sources[i].done = strcmp(job->sources[i].key, job->sources[j].key) == 0;
 }
 
 struct scan_progress {
@@ -139,143 +81,336 @@ static bool on_scan(void *user, uint64_t done, uint64_t total)
            scan->params->progress(scan->params->user, IMPORT_READING, scan->name, done, total);
 }
 
-/* Opens and reads every new source; the density that the finest of them needs. */
-static int scan_sources(struct import_job *job, int32_t *ret_posts_per_degree, struct diag *diag)
+/* Opens every new source, and reads it where no earlier try has. */
+static int scan_sources(struct import_job *job, bool read, struct diag *diag)
 {
-    int32_t posts = 1;
     for (size_t i = 0; i < job->source_count; i++) {
         struct import_source *source = &job->sources[i];
+        const struct import_options *options = source->options;
+        struct raster_options raster_options = {options->crs,
+                                                options->has_nodata ? &options->nodata : NULL};
         struct raster *raster = NULL;
         struct scan_progress scan = {job->params, source->path};
-        if (source->scanned)
+        if (source->done)
             continue;
-        int r = raster_open(source->path, &job->options, &raster, diag);
-        if (r == 0)
+        int r = raster_open(source->path, &raster_options, &raster, diag);
+        if (r == 0 && read)
             r = raster_scan(raster, on_scan, &scan, diag);
-        if (r == 0) {
-            int32_t own = raster_posts_per_degree(raster);
-            posts = own > posts ? own : posts;
-        }
+        if (r == 0)
+            raster_get_facts(raster, &source->facts);
         raster_close(raster);
         if (r < 0)
             return r;
     }
-    *ret_posts_per_degree = posts;
     return 0;
 }
 
-/* The geoids, before anything is written: a missing one is known at once. */
-static int open_geoids(struct import_job *job, struct diag *diag)
+static int check_geoids(const struct import_job *job, struct diag *diag)
 {
-    const struct import_params *params = job->params;
-    bool own = params->vertical == IMPORT_EGM2008 || params->vertical == IMPORT_EGM84;
-    if (params->vertical == IMPORT_EGM96)
-        return 0;
-    if (own && !params->geoid_path)
-        return diag_set(
-            diag, -EINVAL,
-            "--vertical %s needs that geoid's grid: give it with --geoid FILE (a PGM file "
-            "of GeographicLib)",
-            import_vertical_name(params->vertical));
-    int r = 0;
-    for (unsigned i = 0; r == 0 && i < job->jobs; i++) {
-        r = egm96_open(&job->geoids[i].egm96, diag);
-        if (r == 0 && own)
-            r = geoid_open(params->geoid_path, &job->geoids[i].own, diag);
+    for (size_t i = 0; i < job->params->input_count; i++) {
+        const struct import_options *options = &job->params->inputs[i].options;
+        if ((options->vertical == IMPORT_EGM2008 || options->vertical == IMPORT_EGM84) &&
+            !options->geoid_path)
+            return diag_set(diag, -EINVAL,
+                            "--vertical %s needs that geoid's grid: give it with --geoid FILE (a "
+                            "PGM file of GeographicLib)",
+                            import_vertical_name(options->vertical));
     }
+    return 0;
+}
+
+/* FNV-1a, 64 bits (Fowler, Noll, Vo). */
+static uint64_t add_to_hash(uint64_t hash, const void *data, size_t size)
+{
+    const uint8_t *bytes = data;
+    for (size_t i = 0; i < size; i++)
+        hash = (hash ^ bytes[i]) * UINT64_C(0x100000001b3);
+    return hash;
+}
+
+/* What tells this import from others: its sources in their order, what becomes of them, and the
+ * database that it adds to. */
+static void name_import(struct import_job *job)
+{
+    uint64_t hash = UINT64_C(0xcbf29ce484222325);
+    const struct database_params *database = &job->database;
+    for (size_t i = 0; i < job->source_count; i++)
+        hash = add_to_hash(hash, job->sources[i].key, strlen(job->sources[i].key) + 1);
+    hash = add_to_hash(hash, &database->posts_per_degree, sizeof(database->posts_per_degree));
+    hash = add_to_hash(hash, &database->max_error_m, sizeof(database->max_error_m));
+    hash = add_to_hash(hash, &database->step_m, sizeof(database->step_m));
+    hash = add_to_hash(hash, database->import, strlen(database->import));
+    snprintf(job->database.import, sizeof(job->database.import), "%016llx",
+             (unsigned long long)hash);
+}
+
+static void describe_source(const struct import_source *source, struct database_import *import)
+{
+    *import = (struct database_import){.id = source->id};
+    struct database_source_info *info = &import->info;
+    snprintf(import->key, sizeof(import->key), "%s", source->key);
+    snprintf(info->name, sizeof(info->name), "%s", source->path);
+    snprintf(info->vertical, sizeof(info->vertical), "%s",
+             import_vertical_name(source->options->vertical));
+    info->priority = source->options->priority;
+    info->exact = source->exact;
+    info->unit_m = source->facts.unit_m;
+    info->level = source->level;
+    info->bytes = source->bytes;
+    info->width = source->facts.width;
+    info->height = source->facts.height;
+    info->south_deg = source->facts.south_deg;
+    info->west_deg = source->facts.west_deg;
+    info->north_deg = source->facts.north_deg;
+    info->east_deg = source->facts.east_deg;
+}
+
+/* Ids go on from the highest that the database has. */
+static int number_sources(struct import_job *job, struct diag *diag)
+{
+    int id = 0;
+    for (size_t i = 0; i < job->import_count; i++)
+        id = job->imports[i].id > id ? job->imports[i].id : id;
+    for (size_t i = 0; i < job->source_count; i++)
+        if (!job->sources[i].done)
+            job->sources[i].id = ++id;
+    if (id > DATABASE_SOURCES_MAX)
+        return diag_set(diag, -E2BIG, "%s would have more than %d sources, the most it can hold",
+                        job->params->database, DATABASE_SOURCES_MAX);
+    return 0;
+}
+
+/* The table of sources as it will be. */
+static int write_sources(struct import_job *job, struct diag *diag)
+{
+    struct database_import *imports =
+        malloc((job->import_count + job->source_count) * sizeof(*imports));
+    size_t count = 0;
+    if (!imports)
+        return -ENOMEM;
+    for (size_t i = 0; i < job->import_count; i++)
+        if (!job->replaced[i])
+            imports[count++] = job->imports[i];
+    for (size_t i = 0; i < job->source_count; i++)
+        if (!job->sources[i].done)
+            describe_source(&job->sources[i], &imports[count++]);
+    int r = database_begin(job->part, diag);
+    if (r == 0)
+        r = database_set_imports(job->part, imports, count, diag);
+    if (r == 0)
+        r = database_seal(job->part, diag);
+    if (r == 0)
+        r = database_commit(job->part, diag);
+    free(imports);
     return r;
 }
 
-static int open_database(struct import_job *job, bool *ret_exists, struct diag *diag)
+static void part_path(const char *database, char *ret_path, size_t size)
 {
-    *ret_exists = access(job->params->database, F_OK) == 0;
-    if (!*ret_exists)
-        return 0;
-    int r = database_open_writable(job->params->database, &job->database, diag);
-    if (r == 0 && job->params->max_error_m &&
-        *job->params->max_error_m != database_max_error_m(job->database))
-        r = diag_set(diag, -EINVAL, "%s was made with --max-error %g; it cannot take %g",
-                     job->params->database, database_max_error_m(job->database),
-                     *job->params->max_error_m);
-    return r == 0 ? compare_with_database(job, diag) : r;
+    snprintf(ret_path, size, "%s" DATABASE_PART_SUFFIX, database);
 }
 
-static bool on_levels(void *user, uint64_t done, uint64_t total)
+static bool part_exists(const struct import_job *job)
+{
+    char path[DATABASE_NAME_MAX + 16];
+    part_path(job->params->database, path, sizeof(path));
+    return access(path, F_OK) == 0;
+}
+
+/* The part that an earlier try left, if it is one of this import. */
+static int open_part(struct import_job *job, struct diag *diag)
+{
+    char path[DATABASE_NAME_MAX + 16];
+    struct database_params found;
+    part_path(job->params->database, path, sizeof(path));
+    int r = database_open_part(path, &job->part, diag);
+    if (r == 0)
+        r = database_get_params(job->part, &found, diag);
+    if (r == 0 && (strcmp(found.import, job->database.import) != 0 ||
+                   strcmp(found.shard, job->database.shard) != 0))
+        r = diag_set(diag, -EINVAL,
+                     "%s holds an unfinished import of other sources or with other options: run "
+                     "that one again first, or remove the file",
+                     path);
+    job->result.resumed = r == 0;
+    return r;
+}
+
+static int make_part(struct import_job *job, struct diag *diag)
+{
+    char path[DATABASE_NAME_MAX + 16];
+    part_path(job->params->database, path, sizeof(path));
+    int r = database_create_part(path, &job->database, &job->part, diag);
+    if (r == 0)
+        r = write_sources(job, diag);
+    return r == -ENOENT || r == -EACCES ? -EIO : r; /* not a source that is missing */
+}
+
+/* The areas of the new sources and of those that they replace, then of all that the database has.
+ */
+static int list_areas(const struct import_job *job, struct pyramid_params *params)
+{
+    size_t capacity = job->source_count + 2 * job->import_count + 1;
+    struct pyramid_area *areas = calloc(capacity, sizeof(*areas));
+    if (!areas)
+        return -ENOMEM;
+    params->areas = areas;
+    for (size_t i = 0; i < job->source_count; i++) {
+        const struct import_source *source = &job->sources[i];
+        const struct raster_facts *facts = &source->facts;
+        if (!source->done)
+            areas[params->area_count++] =
+                (struct pyramid_area){facts->south_deg, facts->west_deg, facts->north_deg,
+                                      facts->east_deg, source->level};
+    }
+    for (int all = 0; all < 2; all++) {
+        struct pyramid_area *at = areas + params->area_count;
+        size_t count = 0;
+        for (size_t i = 0; i < job->import_count; i++) {
+            const struct database_source_info *info = &job->imports[i].info;
+            if (all || job->replaced[i])
+                at[count++] = (struct pyramid_area){info->south_deg, info->west_deg,
+                                                    info->north_deg, info->east_deg, info->level};
+        }
+        if (all) {
+            params->old_areas = at;
+            params->old_area_count = count;
+        } else {
+            params->area_count += count;
+        }
+    }
+    return 0;
+}
+
+static bool on_progress(const struct import_params *params, enum import_phase phase, uint64_t done,
+                        uint64_t total)
+{
+    return params->progress && params->progress(params->user, phase, params->database, done, total);
+}
+
+static bool on_sampled(void *user, uint64_t done, uint64_t total)
 {
     const struct import_params *params = user;
-    return params->progress &&
-           params->progress(params->user, IMPORT_LEVELS, params->database, done, total);
+    return on_progress(params, IMPORT_STORING, done, total);
 }
 
-static int store_all(struct import_job *job, struct diag *diag)
+static bool on_built(void *user, uint64_t done, uint64_t total)
 {
-    int r = 0;
-    for (size_t i = 0; r == 0 && i < job->source_count; i++)
-        r = import_store_source(job, i, diag);
-    if (r == 0 && database_is_complete(job->database))
-        return database_finish(job->database, diag); /* nothing was new; fold the journal back */
+    const struct import_params *params = user;
+    return on_progress(params, IMPORT_LEVELS, done, total);
+}
+
+static int sample(struct import_job *job, struct pyramid_params *pyramid, struct diag *diag)
+{
+    struct import_sampler *sampler = NULL;
+    int r = import_sampler_create(job, &sampler, diag);
+    pyramid->sample = import_sample_block;
+    pyramid->sample_user = sampler;
+    pyramid->progress = on_sampled;
     if (r == 0)
-        r = database_build_pyramid(job->database, job->jobs, on_levels, (void *)job->params, diag);
-    return r == 0 ? database_finish(job->database, diag) : r;
+        r = pyramid_sample(pyramid, diag);
+    import_sampler_destroy(sampler);
+    return r;
 }
 
-static void remove_database(struct import_job *job)
+static void remove_part(struct import_job *job)
 {
-    char side[DATABASE_NAME_MAX + 8];
-    database_close(job->database);
-    job->database = NULL;
-    unlink(job->params->database);
-    snprintf(side, sizeof(side), "%s-wal", job->params->database);
-    unlink(side);
+    char path[DATABASE_NAME_MAX + 32];
+    part_path(job->params->database, path, sizeof(path));
+    database_close(job->part);
+    job->part = NULL;
+    unlink(path);
+    snprintf(path, sizeof(path), "%s" DATABASE_PART_SUFFIX "-wal", job->params->database);
+    unlink(path);
 }
 
-/* After a failure: whether the database that remains can be used. */
-static void tell_what_is_left(struct import_job *job, int code, struct diag *diag)
+/* All levels, then the database in place of the old one. */
+static int finish(struct import_job *job, struct pyramid_params *pyramid, struct diag *diag)
 {
-    if (!diag || !job->database)
-        return;
-    struct diag cause = *diag;
-    database_rollback(job->database);
-    diag_set(
-        diag, code,
-        database_is_complete(job->database)
-            ? "%.330s; %s is as it was"
-            : "%.330s; %s cannot be used until this import is done: run the same command again",
-        cause.text[0] ? cause.text : strerror(-code), job->params->database);
+    pyramid->progress = on_built;
+    int r = pyramid_build(pyramid, diag);
+    if (r < 0)
+        return r;
+    struct database *const files[] = {job->part, job->old};
+    r = database_compose(job->params->database, files, job->old ? 2 : 1, diag);
+    if (r == 0)
+        remove_part(job);
+    return r;
+}
+
+/* A shard is the part itself, at the place that was asked for. */
+static int finish_shard(struct import_job *job, struct diag *diag)
+{
+    char path[DATABASE_NAME_MAX + 16];
+    part_path(job->params->database, path, sizeof(path));
+    int r = database_fold_journal(job->part, diag);
+    database_close(job->part);
+    job->part = NULL;
+    if (r == 0 && rename(path, job->params->database) < 0)
+        r = diag_set(diag, -errno, "%s: %s", job->params->database, strerror(errno));
+    return r;
+}
+
+static int store(struct import_job *job, struct diag *diag)
+{
+    struct pyramid_params pyramid = {.old = job->old ? job->params->database : NULL,
+                                     .jobs = job->jobs,
+                                     .shard = job->params->shard,
+                                     .shard_count = job->params->shard_count,
+                                     .user = (void *)job->params};
+    int r = list_areas(job, &pyramid);
+    if (r == 0 && !job->part) {
+        struct grid grid;
+        grid_init(&grid, job->database.posts_per_degree, job->database.lon_bias);
+        int top = pyramid_top_level(&grid, pyramid.areas,
+                                    (size_t)(pyramid.old_areas - pyramid.areas) +
+                                        pyramid.old_area_count);
+        job->database.top_level = top > job->database.top_level ? top : job->database.top_level;
+        r = make_part(job, diag);
+    }
+    pyramid.part = job->part;
+    if (r == 0)
+        r = sample(job, &pyramid, diag);
+    if (r == 0)
+        r = job->params->shard_count ? finish_shard(job, diag) : finish(job, &pyramid, diag);
+    free((void *)pyramid.areas);
+    return r;
 }
 
 static int run(struct import_job *job, struct diag *diag)
 {
-    const struct import_params *params = job->params;
-    struct expansion expansion = {job, diag};
-    int32_t posts = 1;
-    bool exists = false;
-    int r = params->source_count ? 0 : diag_set(diag, -EINVAL, "no source was given");
-    for (size_t i = 0; r == 0 && i < params->source_count; i++)
-        r = raster_expand(params->sources[i], add_source, &expansion, diag);
+    int r = import_list_sources(job, diag);
     if (r == 0)
-        r = open_database(job, &exists, diag);
+        r = open_old(job, diag);
     if (r < 0)
         return r;
-    r = open_geoids(job, diag);
+    drop_twins(job);
+    r = check_geoids(job, diag);
+    for (size_t i = 0; i < job->source_count; i++)
+        job->result.skipped += job->sources[i].done;
+    job->result.imported = job->source_count - job->result.skipped;
+    if (r == 0 && job->params->shard_count && job->exists)
+        return diag_set(diag, -EEXIST, "%s exists: a shard is a file of its own",
+                        job->params->database);
+    bool resumes = part_exists(job);
     if (r == 0)
-        r = scan_sources(job, &posts, diag);
-    if (r == 0 && !exists) {
-        struct database_params fresh = {posts, params->max_error_m ? *params->max_error_m : 0.5};
-        r = database_create(params->database, &fresh, &job->database, diag);
-        if (r == -ENOENT || r == -EACCES)
-            r = -EIO; /* not a source that is missing */
-    }
-    if (r == 0) {
-        job->result.posts_per_degree = database_grid(job->database)->posts_per_degree;
-        r = store_all(job, diag);
-    }
-    /* A database that holds nothing whole is of no use, unless the same command will go on. */
-    if (r == -EBADMSG && !exists && job->database)
-        remove_database(job);
+        r = scan_sources(job, !resumes, diag);
+    if (r == 0)
+        r = import_choose_grid(job, diag);
+    if (r == 0)
+        r = number_sources(job, diag);
     if (r < 0)
-        tell_what_is_left(job, r, diag);
-    return r;
+        return r;
+    job->result.posts_per_degree = job->database.posts_per_degree;
+    name_import(job);
+    if (job->params->shard_count)
+        snprintf(job->database.shard, sizeof(job->database.shard), "%u/%u", job->params->shard + 1,
+                 job->params->shard_count);
+    if (resumes)
+        r = open_part(job, diag);
+    if (r < 0 || (!resumes && job->result.imported == 0))
+        return r;
+    return store(job, diag);
 }
 
 int import_run(const struct import_params *params, struct import_result *ret_result,
@@ -286,19 +421,17 @@ int import_run(const struct import_params *params, struct import_result *ret_res
         return -ENOMEM;
     long processors = sysconf(_SC_NPROCESSORS_ONLN);
     job->params = params;
-    job->options = (struct raster_options){.crs = params->crs, .nodata = params->nodata};
     job->jobs = params->jobs ? params->jobs : processors > 0 ? (unsigned)processors : 1;
-    if (job->jobs > IMPORT_JOBS_MAX)
-        job->jobs = IMPORT_JOBS_MAX;
+    if (job->jobs > PYRAMID_JOBS_MAX)
+        job->jobs = PYRAMID_JOBS_MAX;
     raster_start_up();
     int r = run(job, diag);
     if (r == 0)
         *ret_result = job->result;
-    for (unsigned i = 0; i < IMPORT_JOBS_MAX; i++) {
-        geoid_close(job->geoids[i].egm96);
-        geoid_close(job->geoids[i].own);
-    }
-    database_close(job->database);
+    database_close(job->part);
+    database_close(job->old);
+    free(job->imports);
+    free(job->replaced);
     free(job->sources);
     free(job);
     return r;

@@ -1,9 +1,11 @@
 /* Rasters into a terrain database. Only the import program links this (and GDAL).
  *
  * Every raster is read once from end to end before the first byte is written: damage, an image
- * taken for elevation, or a raster without data is found while there is nothing to undo. Then tile
- * after tile is sampled, laid over (or under) what the database has there, and stored; what is done
- * is recorded with it, so an import that was stopped anywhere goes on there when it is run again.
+ * taken for elevation, or a raster without data is found while there is nothing to undo. Then block
+ * after block (terrain/pyramid.h) is sampled from all sources that touch it, and stored in a file
+ * beside the database; an import that was stopped anywhere goes on there when it is run again. When
+ * all is done the database is made from that file and, where there was one, from the old database:
+ * in one step, so that there is always a whole one.
  *
  * A file that is there already, unchanged and read with the same options, is skipped. Read with
  * others (vertical, crs, nodata, priority) it replaces what it gave before; what had been covered
@@ -27,37 +29,48 @@ enum import_phase {
     IMPORT_LEVELS, /* the coarser ones */
 };
 
-/* `name` is the raster's, or the database's for the levels. True stops the import: -ECANCELED, and
- * what was done so far stays. Called from the thread that called import_run. */
+/* `done` of `total`: lines of a raster, whose name it is, else blocks of the database. True stops
+ * the import: -ECANCELED, and what was done so far stays. Called from the thread that called
+ * import_run. */
 typedef bool (*import_progress_function)(void *user, enum import_phase phase, const char *name,
                                          uint64_t done, uint64_t total);
 
-struct import_params {
-    const char *const *sources; /* paths, GDAL's /vsi paths, .zip archives */
-    size_t source_count;
-    const char *database;      /* made where it is missing, added to where it exists */
-    const double *max_error_m; /* NULL: 0.5, or the database's own */
+/* How a source is read. */
+struct import_options {
     enum import_vertical vertical;
     const char *geoid_path; /* PGM of GeographicLib; needed for EGM2008 and EGM84, else NULL */
     const char *crs;        /* for rasters without a usable one; NULL */
-    const double *nodata;   /* NULL */
-    int priority;           /* higher ones cover lower ones, later ones cover equal ones */
-    unsigned jobs;          /* threads; 0: one for each processor */
+    bool has_nodata;
+    double nodata;
+    int priority; /* higher ones cover lower ones, later ones cover equal ones */
+};
+
+struct import_input {
+    const char *path; /* GDAL's /vsi paths and .zip archives, too */
+    struct import_options options;
+};
+
+struct import_params {
+    const struct import_input *inputs;
+    size_t input_count;
+    const char *database;        /* made where it is missing, added to where it exists */
+    const double *max_error_m;   /* NULL: 0.5, or the database's own */
+    unsigned jobs;               /* threads; 0: one for each processor */
+    unsigned shard, shard_count; /* shard 0 .. shard_count - 1; shard_count 0: all of it */
     import_progress_function progress;
     void *user;
 };
 
 struct import_result {
     size_t imported, skipped; /* sources; skipped: in the database already */
-    uint64_t tiles_written;   /* on the finest level */
     int32_t posts_per_degree;
     bool resumed;
 };
 
 /* Returns 0; -ENOENT, -EACCES (a source); -EBADMSG (a source is no elevation raster); -EINVAL (the
  * options contradict each other or the database); -EPROTONOSUPPORT, -EBUSY (the database);
- * -ENOSPC, -EIO; -ECANCELED; -ENOMEM. The sentence names the file, and says of a database that is
- * there whether it is as it was or cannot be used until the import is done. */
+ * -ENOSPC, -EIO; -ECANCELED; -ENOMEM. The sentence names the file. A database that is there is as
+ * it was after any failure. */
 int import_run(const struct import_params *params, struct import_result *ret_result,
                struct diag *diag);
 

@@ -5,35 +5,49 @@
 #include "terrain/database_writer.h"
 #include "terrain/import.h"
 #include "terrain/import_raster.h"
-
-#define IMPORT_JOBS_MAX 64
+#include "terrain/pyramid.h"
 
 /* One raster of the command line. */
 struct import_source {
     char path[DATABASE_NAME_MAX];
     char key[DATABASE_KEY_MAX]; /* the file, then how it is read */
     size_t key_file_length;     /* of the key: what names the file and its state */
+    const struct import_options *options;
     struct raster_facts facts;
     uint64_t bytes;
-    bool scanned; /* in the database already, and so read before */
-    bool done;
-};
-
-/* Whose heights become EGM96 ones. One geoid handle serves one thread. */
-struct import_geoid {
-    struct geoid *egm96, *own; /* own: of the source, where it is neither EGM96 nor the ellipsoid */
+    bool done; /* in the database already */
+    int level, id;
+    bool exact;
 };
 
 struct import_job {
     const struct import_params *params;
-    struct raster_options options;
     struct import_source *sources;
     size_t source_count;
-    struct database *database;
+    bool exists;          /* the database */
+    struct database *old; /* it, for reading */
+    struct database *part;
+    struct database_params database;
+    struct database_import *imports; /* of the old database */
+    size_t import_count;
+    bool *replaced; /* of these, by one of ours */
     unsigned jobs;
-    struct import_geoid geoids[IMPORT_JOBS_MAX];
     struct import_result result;
 };
 
-/* Stores one source into the database: job->sources[index]. */
-int import_store_source(struct import_job *job, size_t index, struct diag *diag);
+/* Fills job->sources from the inputs. */
+int import_list_sources(struct import_job *job, struct diag *diag);
+
+/* Chooses grid and step of a new database, or checks that the old one can take the sources. */
+int import_choose_grid(struct import_job *job, struct diag *diag);
+
+/* What samples blocks: one for all workers. */
+struct import_sampler;
+
+int import_sampler_create(const struct import_job *job, struct import_sampler **ret_sampler,
+                          struct diag *diag);
+/* Legal on NULL. */
+void import_sampler_destroy(struct import_sampler *sampler);
+
+/* A pyramid_sample_function; `user` is the sampler. */
+int import_sample_block(void *user, unsigned worker, struct block *block, struct diag *diag);

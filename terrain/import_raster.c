@@ -88,7 +88,7 @@ static void read_value_meaning(struct raster *raster, const struct raster_option
     double units = raster->offset / raster->scale;
     if (GDALDataTypeIsInteger(GDALGetRasterDataType(raster->band)) &&
         fabs(units - nearbyint(units)) < 1e-9)
-        raster->unit_m = fabs(raster->scale);
+        raster->facts.unit_m = fabs(raster->scale);
     const char *kind = GDALGetMetadataItem(raster->dataset, "AREA_OR_POINT", NULL);
     raster->area = !kind || strcasecmp(kind, "Point") != 0;
 }
@@ -314,11 +314,6 @@ int raster_open(const char *path, const struct raster_options *options, struct r
         raster_close(raster);
     }
     return r;
-}
-
-double raster_unit_m(const struct raster *raster)
-{
-    return raster->unit_m;
 }
 
 static bool ends_with(const char *text, const char *end)

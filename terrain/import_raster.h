@@ -19,7 +19,10 @@ struct raster_options {
 struct raster_facts {
     int32_t width, height;
     double south_deg, west_deg, north_deg, east_deg; /* of its posts; east may exceed 180 */
-    bool geographic; /* its rows and columns are parallels and meridians */
+    bool geographic;                 /* its rows and columns are parallels and meridians */
+    double first_x, first_y, dx, dy; /* first post and steps in its own system; dy < 0: north-up */
+    double density;                  /* posts of a degree of latitude that are as fine as it */
+    double unit_m; /* its heights are multiples of this (a raster of integers); 0 = any height */
 };
 
 /* Opens a raster for reading heights. Failures, each with a sentence naming the file: -ENOENT,
@@ -32,24 +35,19 @@ void raster_close(struct raster *raster);
 
 void raster_get_facts(const struct raster *raster, struct raster_facts *ret_facts);
 
-/* What its heights are whole multiples of, metres: a raster of integers; 0 = any height. */
-double raster_unit_m(const struct raster *raster);
-
-/* The posts of a degree that its posts are posts of: where its rows and columns lie on the grid of
- * such a density, 1, else 0. */
-int32_t raster_own_density(const struct raster *raster);
-/* Posts of a degree of latitude that are as fine as it, wherever it lies. */
-double raster_density(const struct raster *raster);
+/* The posts of a degree that its posts are posts of; 0 where its rows and columns lie on no such
+ * grid. */
+int32_t raster_own_density(const struct raster_facts *facts);
 
 /* The bias of longitude factors that keeps all its posts on a grid of a density that is a multiple
  * of its own. */
-unsigned raster_lon_bias(const struct raster *raster, int32_t posts_per_degree);
+unsigned raster_lon_bias(const struct raster_facts *facts, int32_t posts_per_degree);
 
 /* The coarsest level of a grid that is as fine as the raster. */
-int raster_level(const struct raster *raster, const struct grid *grid);
+int raster_level(const struct raster_facts *facts, const struct grid *grid);
 
 /* True where every post of the raster is a post of that level: nothing is resampled. */
-bool raster_is_exact(const struct raster *raster, const struct grid *grid, int level);
+bool raster_is_exact(const struct raster_facts *facts, const struct grid *grid, int level);
 
 /* Reads every pixel once. -EBADMSG where one cannot be read, none has data, or a height is beyond
  * what the Earth has. `progress` may be NULL; true stops with -ECANCELED. */

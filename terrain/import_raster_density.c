@@ -17,61 +17,60 @@ static bool whole_cells(double start, double cells_per_pixel, int pixels)
 }
 
 /* Rows and columns as cells of a density; false where they lie on none. */
-static bool fits(const struct raster *raster, double posts_per_degree)
+static bool fits(const struct raster_facts *facts, double posts_per_degree)
 {
-    const struct raster_facts *facts = &raster->facts;
-    return whole_cells(raster->north * posts_per_degree, fabs(raster->dy) * posts_per_degree,
+    return whole_cells(facts->first_y * posts_per_degree, fabs(facts->dy) * posts_per_degree,
                        1) &&
-           whole_cells((raster->north + raster->dy * (facts->height - 1)) * posts_per_degree,
-                       fabs(raster->dy) * posts_per_degree, 1) &&
-           whole_cells((raster->west + 180.0) * posts_per_degree,
-                       fabs(raster->dx) * posts_per_degree, 1) &&
-           whole_cells((raster->west + 180.0 + raster->dx * (facts->width - 1)) * posts_per_degree,
-                       fabs(raster->dx) * posts_per_degree, 1);
+           whole_cells((facts->first_y + facts->dy * (facts->height - 1)) * posts_per_degree,
+                       fabs(facts->dy) * posts_per_degree, 1) &&
+           whole_cells((facts->first_x + 180.0) * posts_per_degree,
+                       fabs(facts->dx) * posts_per_degree, 1) &&
+           whole_cells((facts->first_x + 180.0 + facts->dx * (facts->width - 1)) * posts_per_degree,
+                       fabs(facts->dx) * posts_per_degree, 1);
 }
 
-int32_t raster_own_density(const struct raster *raster)
+int32_t raster_own_density(const struct raster_facts *facts)
 {
-    double own = 1.0 / fmin(fabs(raster->dx), fabs(raster->dy));
-    if (!raster->facts.geographic)
+    double own = 1.0 / fmin(fabs(facts->dx), fabs(facts->dy));
+    if (!facts->geographic)
         return 0;
     for (int factor = 1; factor <= DENSITY_FACTOR_MAX; factor++) {
         double posts = nearbyint(own * factor);
-        if (posts >= 1.0 && posts <= GRID_POSTS_PER_DEGREE_MAX && fits(raster, posts))
+        if (posts >= 1.0 && posts <= GRID_POSTS_PER_DEGREE_MAX && fits(facts, posts))
             return (int32_t)posts;
     }
     return 0;
 }
 
 /* How often all of the raster's columns can be halved. */
-static unsigned column_halvings(const struct raster *raster, int32_t posts_per_degree)
+static unsigned column_halvings(const struct raster_facts *facts, int32_t posts_per_degree)
 {
-    int64_t first = llrint((raster->west + 180.0) * posts_per_degree);
-    int64_t step = llrint(fabs(raster->dx) * posts_per_degree);
+    int64_t first = llrint((facts->first_x + 180.0) * posts_per_degree);
+    int64_t step = llrint(fabs(facts->dx) * posts_per_degree);
     uint64_t both = (uint64_t)first | (uint64_t)step;
     return both ? (unsigned)__builtin_ctzll(both) : 0;
 }
 
-unsigned raster_lon_bias(const struct raster *raster, int32_t posts_per_degree)
+unsigned raster_lon_bias(const struct raster_facts *facts, int32_t posts_per_degree)
 {
-    double lat_deg = fmax(fabs(raster->facts.south_deg), fabs(raster->facts.north_deg));
+    double lat_deg = fmax(fabs(facts->south_deg), fabs(facts->north_deg));
     int64_t row = (int64_t)ceil(lat_deg * posts_per_degree / TILE_CELLS - 1e-9) - 1;
     double edge_deg = fmax((double)row * TILE_CELLS / posts_per_degree, 0.0);
-    unsigned wanted = grid_halvings(edge_deg), own = column_halvings(raster, posts_per_degree);
+    unsigned wanted = grid_halvings(edge_deg), own = column_halvings(facts, posts_per_degree);
     return wanted > own ? wanted - own : 0;
 }
 
-bool raster_is_exact(const struct raster *raster, const struct grid *grid, int level)
+bool raster_is_exact(const struct raster_facts *facts, const struct grid *grid, int level)
 {
-    int32_t own = raster_own_density(raster);
+    int32_t own = raster_own_density(facts);
     if (!own || grid->posts_per_degree % own != 0)
         return false;
-    int64_t top = llrint(raster->north * grid->posts_per_degree);
-    int64_t step = llrint(fabs(raster->dy) * grid->posts_per_degree);
+    int64_t top = llrint(facts->first_y * grid->posts_per_degree);
+    int64_t step = llrint(fabs(facts->dy) * grid->posts_per_degree);
     if ((top | step) & ((INT64_C(1) << level) - 1))
         return false;
-    unsigned columns = column_halvings(raster, grid->posts_per_degree);
-    unsigned bias = raster_lon_bias(raster, grid->posts_per_degree);
+    unsigned columns = column_halvings(facts, grid->posts_per_degree);
+    unsigned bias = raster_lon_bias(facts, grid->posts_per_degree);
     return columns >= (unsigned)level && (level == 0 ? bias <= grid->lon_bias : bias == 0);
 }
 
@@ -92,7 +91,7 @@ static bool spacing_at_middle(const struct raster *raster, double *ret_x_deg, do
     return true;
 }
 
-double raster_density(const struct raster *raster)
+static double density_of(const struct raster *raster)
 {
     double x_deg, y_deg;
     if (raster->facts.geographic)
@@ -102,9 +101,9 @@ double raster_density(const struct raster *raster)
     return 1.0 / fmin(x_deg, y_deg);
 }
 
-int raster_level(const struct raster *raster, const struct grid *grid)
+int raster_level(const struct raster_facts *facts, const struct grid *grid)
 {
-    double posts = grid->posts_per_degree / raster_density(raster);
+    double posts = grid->posts_per_degree / facts->density;
     int level = posts > 1.0 ? (int)floor(log2(posts * (1.0 + 1e-6))) : 0;
     return level < grid->top_level ? level : grid->top_level;
 }
@@ -138,4 +137,9 @@ void raster_measure_spacing(struct raster *raster)
     double x_deg, y_deg;
     raster->spacing_deg =
         spacing_at_middle(raster, &x_deg, &y_deg) ? sqrt(x_deg * y_deg) : 1.0 / 1200.0;
+    raster->facts.density = density_of(raster);
+    raster->facts.first_x = raster->west;
+    raster->facts.first_y = raster->north;
+    raster->facts.dx = raster->dx;
+    raster->facts.dy = raster->dy;
 }

@@ -15,7 +15,6 @@ struct raster {
     OGRCoordinateTransformationH from_lonlat, to_lonlat; /* NULL where it is the identity */
     double west, north, dx, dy; /* of the first pixel's centre; dy negative for north-up */
     double nodata, scale, offset;
-    double unit_m;      /* its heights are multiples of it; 0 = any */
     double spacing_deg; /* between its posts at its middle, as degrees of latitude */
     bool has_nodata, area, periodic;
     struct raster_facts facts;

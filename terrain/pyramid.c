@@ -123,7 +123,7 @@ static int fill_base(struct build *build, struct worker *worker, unsigned index,
             r = load_tile(build, worker, tile, diag);
     }
     if (r >= 0 && any)
-        r = build->params->sample(build->params->user, index, block, diag);
+        r = build->params->sample(build->params->sample_user, index, block, diag);
     return r < 0 ? r : 0;
 }
 

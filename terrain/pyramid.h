@@ -13,9 +13,11 @@
 #include "terrain/block.h"
 #include "terrain/database_writer.h"
 
+#define PYRAMID_JOBS_MAX 24 /* about 16 MiB each: the memory of an import has a bound */
+
 struct pyramid_area {
     double south_deg, west_deg, north_deg, east_deg; /* east may exceed 180 */
-    int level;                                       /* to be sampled on a level that is not finer */
+    int level; /* to be sampled on a level that is not finer */
 };
 
 /* Fills every tile of the block's base level that is `wanted`, with block_put_heights. Called from
@@ -27,8 +29,8 @@ typedef int (*pyramid_sample_function)(void *user, unsigned worker, struct block
 typedef bool (*pyramid_progress_function)(void *user, uint64_t done, uint64_t total);
 
 struct pyramid_params {
-    struct database *part;            /* where the tiles go */
-    struct database *const *others;   /* other shards, whose tiles count as the part's own */
+    struct database *part;          /* where the tiles go */
+    struct database *const *others; /* other shards, whose tiles count as the part's own */
     size_t other_count;
     const char *old;                  /* a database that is added to; NULL */
     const struct pyramid_area *areas; /* what is sampled */
@@ -37,6 +39,7 @@ struct pyramid_params {
     size_t old_area_count;
     unsigned jobs, shard, shard_count; /* shard 0 .. shard_count - 1 */
     pyramid_sample_function sample;    /* NULL where nothing is left to be sampled */
+    void *sample_user;
     pyramid_progress_function progress; /* NULL */
     void *user;
 };

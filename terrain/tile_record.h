@@ -20,12 +20,12 @@ struct tile_parent tile_place_in_parent(const struct grid *grid, struct tile_id 
 
 struct tile_record {
     struct tile_id id;
-    float min_m, max_m;    /* NaN where no post has data */
-    double error_m;        /* bound on the distance between this surface and the finest one */
-    uint32_t posts;        /* with data, on the borders south and west included, others not */
-    uint8_t children;      /* tiles that exist below it: bits of tile_child_bit */
-    size_t payload_size;   /* 0: there is no tile (only in parts of an import) */
-    size_t origin_size;    /* 0: none recorded */
+    float min_m, max_m;        /* NaN where no post has data */
+    double error_m;            /* bound on the distance between this surface and the finest one */
+    uint32_t posts;            /* with data, on the borders south and west included, others not */
+    uint8_t children;          /* tiles that exist below it: bits of tile_child_bit */
+    size_t payload_size;       /* 0: there is no tile (only in parts of an import) */
+    size_t origin_size;        /* 0: none recorded */
     uint8_t *payload, *origin; /* owned */
 };
 

@@ -1,0 +1,430 @@
+/* The heights of a block from all sources that touch it. */
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "geo/egm96.h"
+#include "terrain/import_internal.h"
+#include "terrain/import_old.h"
+
+#define RASTERS_OPEN 12 /* a worker */
+#define GEOIDS_OPEN  4
+#define STRIP_ROWS   64 /* sampled at once from one source */
+#define EDGE_CELLS   0.01
+
+struct open_raster {
+    size_t source;
+    struct raster *raster;
+    uint64_t used;
+};
+
+struct open_geoid {
+    const char *path;
+    struct geoid *geoid;
+};
+
+/* Heights on a lattice, and where each came from. */
+struct region {
+    struct raster_lattice lattice;
+    float *heights_m;
+    uint16_t *origins;
+    size_t capacity;
+};
+
+struct worker {
+    struct open_raster rasters[RASTERS_OPEN];
+    struct geoid *egm96;
+    struct open_geoid geoids[GEOIDS_OPEN];
+    struct import_old *old;
+    struct region region;
+    float *strip_m; /* of one source, or a row of the old database */
+    uint16_t *strip_origins;
+    size_t strip_capacity;
+    uint64_t clock;
+};
+
+/* What a source's heights give way to: higher priorities, and later ones of the same. */
+struct rank {
+    int priority;
+    bool old, replaced;
+};
+
+struct import_sampler {
+    const struct import_job *job;
+    size_t *order; /* sources, the ones that cover first */
+    size_t count;
+    struct rank *ranks; /* by id of source */
+    struct worker workers[PYRAMID_JOBS_MAX];
+    struct import_pole {
+        float height_m; /* NaN: no data */
+        uint16_t origin;
+    } poles[2];
+};
+
+static int open_raster(struct import_sampler *sampler, struct worker *worker, size_t index,
+                       struct raster **ret_raster, struct diag *diag)
+{
+    const struct import_source *source = &sampler->job->sources[index];
+    struct open_raster *oldest = &worker->rasters[0];
+    for (int i = 0; i < RASTERS_OPEN; i++) {
+        struct open_raster *open = &worker->rasters[i];
+        if (open->raster && open->source == index) {
+            open->used = ++worker->clock;
+            *ret_raster = open->raster;
+            return 0;
+        }
+        oldest = open->used < oldest->used ? open : oldest;
+    }
+    raster_close(oldest->raster);
+    *oldest = (struct open_raster){.source = index, .used = ++worker->clock};
+    struct raster_options options = {source->options->crs,
+                                     source->options->has_nodata ? &source->options->nodata : NULL};
+    int r = raster_open(source->path, &options, &oldest->raster, diag);
+    *ret_raster = oldest->raster;
+    return r;
+}
+
+static int open_geoid(struct worker *worker, const char *path, struct geoid **ret_geoid,
+                      struct diag *diag)
+{
+    for (int i = 0; i < GEOIDS_OPEN; i++) {
+        struct open_geoid *open = &worker->geoids[i];
+        if (!open->geoid) {
+            int r = geoid_open(path, &open->geoid, diag);
+            open->path = path;
+            if (r < 0)
+                return r;
+        }
+        if (strcmp(open->path, path) == 0) {
+            *ret_geoid = open->geoid;
+            return 0;
+        }
+    }
+    return diag_set(diag, -E2BIG, "more than %d geoids in one import", GEOIDS_OPEN);
+}
+
+/* Brings heights to EGM96: an ellipsoidal height loses the undulation; one above another geoid
+ * first becomes ellipsoidal. */
+static int heights_to_egm96(struct worker *worker, const struct import_options *options,
+                            const struct grid *grid, const struct raster_lattice *lattice,
+                            float *heights_m, struct diag *diag)
+{
+    struct geoid *own = NULL;
+    int r = 0;
+    if (options->vertical == IMPORT_EGM96)
+        return 0;
+    if (!worker->egm96)
+        r = egm96_open(&worker->egm96, diag);
+    if (r == 0 && options->vertical != IMPORT_ELLIPSOID)
+        r = open_geoid(worker, options->geoid_path, &own, diag);
+    for (int row = 0; r == 0 && row < lattice->rows; row++) {
+        double lat_deg = grid_post_lat_deg(grid, lattice->level, lattice->row0 + row);
+        for (int col = 0; col < lattice->cols; col++) {
+            float *height_m = &heights_m[(size_t)row * (size_t)lattice->cols + (size_t)col];
+            if (isnan(*height_m))
+                continue;
+            double lon_deg = -180.0 + (double)(lattice->col0 + col) *
+                                          grid_lon_step_deg(grid, lattice->level, lattice->shift);
+            double shift_m = -geoid_undulation_m(worker->egm96, lat_deg, lon_deg);
+            if (own)
+                shift_m += geoid_undulation_m(own, lat_deg, lon_deg);
+            *height_m = (float)((double)*height_m + shift_m);
+        }
+    }
+    return r;
+}
+
+/* Whether a source can have a post of a lattice. */
+static bool touches(const struct grid *grid, const struct raster_lattice *lattice,
+                    const struct raster_facts *facts)
+{
+    double step_deg = grid_lon_step_deg(grid, lattice->level, lattice->shift);
+    double cell_deg = EDGE_CELLS * grid_lat_step_deg(grid, lattice->level);
+    double west_deg = -180.0 + (double)lattice->col0 * step_deg - EDGE_CELLS * step_deg;
+    double east_deg = west_deg + (lattice->cols - 1 + 2 * EDGE_CELLS) * step_deg;
+    if (grid_post_lat_deg(grid, lattice->level, lattice->row0) > facts->north_deg + cell_deg ||
+        grid_post_lat_deg(grid, lattice->level, lattice->row0 + lattice->rows - 1) <
+            facts->south_deg - cell_deg)
+        return false;
+    for (int turn = -2; turn <= 2; turn++)
+        if (facts->west_deg + 360.0 * turn <= east_deg && facts->east_deg + 360.0 * turn >= west_deg)
+            return true;
+    return false;
+}
+
+static int reserve(struct worker *worker, const struct raster_lattice *lattice)
+{
+    struct region *region = &worker->region;
+    size_t count = (size_t)lattice->rows * (size_t)lattice->cols;
+    size_t strip = (size_t)STRIP_ROWS * (size_t)lattice->cols;
+    if (count > region->capacity) {
+        free(region->heights_m);
+        free(region->origins);
+        region->capacity = 0;
+        region->heights_m = malloc(count * sizeof(*region->heights_m));
+        region->origins = malloc(count * sizeof(*region->origins));
+        if (!region->heights_m || !region->origins)
+            return -ENOMEM;
+        region->capacity = count;
+    }
+    if (strip > worker->strip_capacity) {
+        free(worker->strip_m);
+        free(worker->strip_origins);
+        worker->strip_capacity = 0;
+        worker->strip_m = malloc(strip * sizeof(*worker->strip_m));
+        worker->strip_origins = malloc(strip * sizeof(*worker->strip_origins));
+        if (!worker->strip_m || !worker->strip_origins)
+            return -ENOMEM;
+        worker->strip_capacity = strip;
+    }
+    for (size_t i = 0; i < count; i++)
+        region->heights_m[i] = NAN;
+    memset(region->origins, 0, count * sizeof(*region->origins));
+    region->lattice = *lattice;
+    return 0;
+}
+
+/* Lays a source under what the region has. The voids that are left are counted. */
+static int add_source(struct import_sampler *sampler, struct worker *worker, size_t index,
+                      size_t *voids, struct diag *diag)
+{
+    const struct import_source *source = &sampler->job->sources[index];
+    const struct grid *grid = database_grid(sampler->job->part);
+    struct region *region = &worker->region;
+    struct raster *raster = NULL;
+    int r = open_raster(sampler, worker, index, &raster, diag);
+    for (int row = 0; r == 0 && row < region->lattice.rows; row += STRIP_ROWS) {
+        struct raster_lattice strip = region->lattice;
+        size_t at = (size_t)row * (size_t)strip.cols;
+        strip.row0 += row;
+        strip.rows = strip.rows - row < STRIP_ROWS ? strip.rows - row : STRIP_ROWS;
+        if (!touches(grid, &strip, &source->facts))
+            continue;
+        r = raster_sample(raster, grid, &strip, worker->strip_m, diag);
+        if (r == 0)
+            r = heights_to_egm96(worker, source->options, grid, &strip, worker->strip_m, diag);
+        size_t count = (size_t)strip.rows * (size_t)strip.cols;
+        for (size_t i = 0; r == 0 && i < count; i++) {
+            if (isnan(worker->strip_m[i]) || !isnan(region->heights_m[at + i]))
+                continue;
+            region->heights_m[at + i] = worker->strip_m[i];
+            region->origins[at + i] = (uint16_t)source->id;
+            --*voids;
+        }
+    }
+    return r;
+}
+
+/* Lays what the database has over the new sources or under them, as their priorities say. What had
+ * been filled from around is filled anew. */
+static int add_old(struct import_sampler *sampler, struct worker *worker, struct diag *diag)
+{
+    struct region *region = &worker->region;
+    int r = 0;
+    for (int row = 0; r == 0 && row < region->lattice.rows; row++) {
+        size_t at = (size_t)row * (size_t)region->lattice.cols;
+        r = import_old_row(worker->old, &region->lattice, row, worker->strip_m,
+                           worker->strip_origins, diag);
+        for (int col = 0; r == 0 && col < region->lattice.cols; col++, at++) {
+            uint16_t origin = worker->strip_origins[col];
+            struct rank old = sampler->ranks[origin & TILE_ORIGIN_SOURCE];
+            struct rank new = sampler->ranks[region->origins[at] & TILE_ORIGIN_SOURCE];
+            if (isnan(worker->strip_m[col]) || old.replaced || origin == TILE_ORIGIN_MADE ||
+                (!isnan(region->heights_m[at]) && new.priority >= old.priority))
+                continue;
+            region->heights_m[at] = worker->strip_m[col];
+            region->origins[at] = origin;
+        }
+    }
+    return r;
+}
+
+static int fill_region(struct import_sampler *sampler, struct worker *worker,
+                       const struct raster_lattice *lattice, struct diag *diag)
+{
+    const struct import_job *job = sampler->job;
+    const struct grid *grid = database_grid(job->part);
+    int r = reserve(worker, lattice);
+    size_t voids = (size_t)lattice->rows * (size_t)lattice->cols;
+    for (size_t i = 0; r == 0 && voids > 0 && i < sampler->count; i++)
+        if (touches(grid, lattice, &job->sources[sampler->order[i]].facts))
+            r = add_source(sampler, worker, sampler->order[i], &voids, diag);
+    if (r == 0 && job->old && !worker->old)
+        r = import_old_open(job->params->database, &worker->old, diag);
+    if (r == 0 && job->old)
+        r = add_old(sampler, worker, diag);
+    return r;
+}
+
+/* The posts of a pole are one height. */
+static void set_poles(const struct import_sampler *sampler, struct region *region)
+{
+    const struct grid *grid = database_grid(sampler->job->part);
+    int64_t last = grid_cells_to_pole(grid, region->lattice.level);
+    for (int pole = 0; pole < 2; pole++) {
+        int64_t row = (pole ? last : -last) - region->lattice.row0;
+        if (row < 0 || row >= region->lattice.rows)
+            continue;
+        size_t at = (size_t)row * (size_t)region->lattice.cols;
+        for (int col = 0; col < region->lattice.cols; col++, at++)
+            if (!isnan(region->heights_m[at])) {
+                region->heights_m[at] = sampler->poles[pole].height_m;
+                region->origins[at] = sampler->poles[pole].origin;
+            }
+    }
+}
+
+/* Cuts a tile out of the region; posts beyond the last one repeat it. */
+static int take_tile(struct block *block, const struct region *region, struct block_tile *tile)
+{
+    float heights_m[TILE_POST_COUNT];
+    uint16_t origins[TILE_POST_COUNT];
+    const struct raster_lattice *lattice = &region->lattice;
+    struct tile_id id = tile->record.id;
+    int first_row, last_row, last_col;
+    grid_tile_extent(block->grid, id, &first_row, &last_row, &last_col);
+    for (int row = 0, i = 0; row < TILE_POSTS; row++) {
+        int true_row = row < first_row ? first_row : row > last_row ? last_row : row;
+        int64_t from = ((int64_t)id.row * TILE_CELLS + true_row - lattice->row0) * lattice->cols +
+                       (int64_t)id.col * TILE_CELLS - lattice->col0;
+        for (int col = 0; col < TILE_POSTS; col++, i++) {
+            int64_t at = from + (col < last_col ? col : last_col);
+            heights_m[i] = region->heights_m[at];
+            origins[i] = region->origins[at];
+        }
+    }
+    return block_put_heights(block, tile, heights_m, origins);
+}
+
+/* The part of the lattice under a row's tiles, from the first to the last that is wanted. */
+static bool lattice_of_row(const struct block *block, const struct block_row *row,
+                           struct raster_lattice *ret_lattice)
+{
+    int first = row->cols, last = -1;
+    for (int i = 0; i < row->cols; i++)
+        if (block->tiles[row->first + i].wanted) {
+            first = i < first ? i : first;
+            last = i;
+        }
+    if (last < 0)
+        return false;
+    int first_row, last_row, last_col;
+    struct tile_id end = block->tiles[row->first + last].record.id;
+    grid_tile_extent(block->grid, end, &first_row, &last_row, &last_col);
+    *ret_lattice = (struct raster_lattice){
+        .level = block->base_level,
+        .shift = grid_lon_shift(block->grid, block->base_level, row->row),
+        .row0 = (int64_t)row->row * TILE_CELLS + first_row,
+        .col0 = ((int64_t)row->col0 + first) * TILE_CELLS,
+        .rows = last_row - first_row + 1,
+        .cols = (last - first) * TILE_CELLS + last_col + 1,
+    };
+    return true;
+}
+
+int import_sample_block(void *user, unsigned index, struct block *block, struct diag *diag)
+{
+    struct import_sampler *sampler = user;
+    struct worker *worker = &sampler->workers[index];
+    int r = 0;
+    for (int i = 0; r == 0 && i < block_row_count(block, 0); i++) {
+        const struct block_row *row = &block->rows[0][i];
+        struct raster_lattice lattice;
+        if (!lattice_of_row(block, row, &lattice))
+            continue;
+        r = fill_region(sampler, worker, &lattice, diag);
+        set_poles(sampler, &worker->region);
+        for (int col = 0; r == 0 && col < row->cols; col++)
+            if (block->tiles[row->first + col].wanted)
+                r = take_tile(block, &worker->region, &block->tiles[row->first + col]);
+    }
+    return r;
+}
+
+static int by_rank(const void *a, const void *b, void *user)
+{
+    const struct import_job *job = user;
+    size_t x = *(const size_t *)a, y = *(const size_t *)b;
+    int p = job->sources[x].options->priority, q = job->sources[y].options->priority;
+    return p != q ? (p < q) - (p > q) : (x < y) - (x > y);
+}
+
+/* A pole's height is that of the first post on the pole that has one. */
+static int find_poles(struct import_sampler *sampler, struct diag *diag)
+{
+    const struct grid *grid = database_grid(sampler->job->part);
+    struct worker *worker = &sampler->workers[0];
+    int64_t last = grid_cells_to_pole(grid, 0);
+    unsigned shift = grid_lon_shift(grid, 0, grid_tile_rows_to_pole(grid, 0) - 1);
+    int r = 0;
+    for (int pole = 0; r == 0 && pole < 2; pole++) {
+        int64_t around = grid_cells_around(grid, 0, shift);
+        struct raster_lattice lattice = {0, shift, pole ? last : -last, 0, 1, 4096};
+        sampler->poles[pole].height_m = NAN;
+        for (; r == 0 && lattice.col0 <= around && isnan(sampler->poles[pole].height_m);
+             lattice.col0 += lattice.cols) {
+            r = fill_region(sampler, worker, &lattice, diag);
+            for (int col = 0; r == 0 && col < lattice.cols; col++)
+                if (!isnan(worker->region.heights_m[col])) {
+                    sampler->poles[pole] = (struct import_pole){worker->region.heights_m[col],
+                                                                worker->region.origins[col]};
+                    break;
+                }
+        }
+    }
+    return r;
+}
+
+int import_sampler_create(const struct import_job *job, struct import_sampler **ret_sampler,
+                          struct diag *diag)
+{
+    struct import_sampler *sampler = calloc(1, sizeof(*sampler));
+    if (!sampler)
+        return -ENOMEM;
+    sampler->job = job;
+    sampler->order = malloc((job->source_count + 1) * sizeof(*sampler->order));
+    sampler->ranks = calloc(TILE_ORIGIN_SOURCE + 1, sizeof(*sampler->ranks));
+    int r = sampler->order && sampler->ranks ? 0 : -ENOMEM;
+    for (size_t i = 0; r == 0 && i < job->import_count; i++)
+        sampler->ranks[job->imports[i].id] =
+            (struct rank){job->imports[i].info.priority, true, job->replaced[i]};
+    for (size_t i = 0; r == 0 && i < job->source_count; i++)
+        if (!job->sources[i].done) {
+            sampler->order[sampler->count++] = i;
+            sampler->ranks[job->sources[i].id] =
+                (struct rank){job->sources[i].options->priority, false, false};
+        }
+    if (r == 0) {
+        qsort_r(sampler->order, sampler->count, sizeof(*sampler->order), by_rank, (void *)job);
+        r = find_poles(sampler, diag);
+    }
+    if (r == 0)
+        *ret_sampler = sampler;
+    else
+        import_sampler_destroy(sampler);
+    return r;
+}
+
+void import_sampler_destroy(struct import_sampler *sampler)
+{
+    if (!sampler)
+        return;
+    for (int i = 0; i < PYRAMID_JOBS_MAX; i++) {
+        struct worker *worker = &sampler->workers[i];
+        for (int j = 0; j < RASTERS_OPEN; j++)
+            raster_close(worker->rasters[j].raster);
+        for (int j = 0; j < GEOIDS_OPEN; j++)
+            geoid_close(worker->geoids[j].geoid);
+        geoid_close(worker->egm96);
+        import_old_close(worker->old);
+        free(worker->region.heights_m);
+        free(worker->region.origins);
+        free(worker->strip_m);
+        free(worker->strip_origins);
+    }
+    free(sampler->order);
+    free(sampler->ranks);
+    free(sampler);
+}

@@ -1,0 +1,85 @@
+/* The rasters that the inputs stand for, and what tells one from another. */
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <zlib.h>
+
+#include "terrain/import_internal.h"
+
+/* The options that change what is read from a file; none adds nothing. A system of coordinates may
+ * be a page of text: its sum stands for it. */
+static void add_options_to_key(const struct import_options *options, char *key, size_t size)
+{
+    size_t used = strlen(key);
+    if (options->crs) {
+        uLong sum = crc32(0, (const Bytef *)options->crs, (uInt)strlen(options->crs));
+        used += (size_t)snprintf(key + used, size - used, " crs=%08lx", sum);
+    }
+    if (options->has_nodata)
+        snprintf(key + used, size - used, " nodata=%.17g", options->nodata);
+}
+
+static int fill_key(struct import_source *source, struct diag *diag)
+{
+    int64_t time_s;
+    if (raster_file_state(source->path, &source->bytes, &time_s) < 0)
+        return diag_set(diag, -ENOENT, "%s: No such file or directory", source->path);
+    char *real = realpath(source->path, NULL);
+    const char *path = real ? real : source->path;
+    int r = strlen(path) < DATABASE_NAME_MAX
+                ? 0
+                : diag_set(diag, -ENAMETOOLONG, "%s: the name is too long", path);
+    if (r == 0) {
+        source->key_file_length = (size_t)snprintf(
+            source->key, sizeof(source->key), "%.*s %llu %lld ", DATABASE_NAME_MAX - 1, path,
+            (unsigned long long)source->bytes, (long long)time_s);
+        snprintf(source->key + source->key_file_length,
+                 sizeof(source->key) - source->key_file_length, "%s %d",
+                 import_vertical_name(source->options->vertical), source->options->priority);
+        add_options_to_key(source->options, source->key, sizeof(source->key));
+    }
+    free(real);
+    return r;
+}
+
+struct expansion {
+    struct import_job *job;
+    const struct import_options *options;
+    size_t capacity;
+    struct diag *diag;
+};
+
+static int add_source(void *user, const char *path)
+{
+    struct expansion *expansion = user;
+    struct import_job *job = expansion->job;
+    if (strlen(path) >= DATABASE_NAME_MAX)
+        return diag_set(expansion->diag, -ENAMETOOLONG, "%s: the name is too long", path);
+    if (job->source_count >= DATABASE_SOURCES_MAX)
+        return diag_set(expansion->diag, -E2BIG, "more than %d sources", DATABASE_SOURCES_MAX);
+    if (job->source_count == expansion->capacity) {
+        size_t capacity = expansion->capacity ? 2 * expansion->capacity : 16;
+        struct import_source *sources = realloc(job->sources, capacity * sizeof(*sources));
+        if (!sources)
+            return -ENOMEM;
+        job->sources = sources;
+        expansion->capacity = capacity;
+    }
+    struct import_source *source = &job->sources[job->source_count++];
+    *source = (struct import_source){.options = expansion->options};
+    snprintf(source->path, sizeof(source->path), "%s", path);
+    return fill_key(source, expansion->diag);
+}
+
+int import_list_sources(struct import_job *job, struct diag *diag)
+{
+    const struct import_params *params = job->params;
+    struct expansion expansion = {.job = job, .diag = diag};
+    int r = params->input_count ? 0 : diag_set(diag, -EINVAL, "no source was given");
+    for (size_t i = 0; r == 0 && i < params->input_count; i++) {
+        expansion.options = &params->inputs[i].options;
+        r = raster_expand(params->inputs[i].path, add_source, &expansion, diag);
+    }
+    return r;
+}
