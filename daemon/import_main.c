@@ -31,7 +31,8 @@ static const char usage[] =
     "      --nodata VALUE     this value means missing data, whatever the raster says\n"
     "      --priority N       covers sources of lower priority (0); later ones cover equal ones\n"
     "  -j, --jobs N           threads (one for each processor)\n"
-    "      --shard I/N        only the I-th of N parts of the work; otwd merge puts the files together\n"
+    "      --shard I/N        only the I-th of N parts of the work; otwd merge puts the files "
+    "together\n"
     "      --json             print the result as JSON\n"
     "  -q, --quiet            no progress\n"
     "  -h, --help  --version\n";
@@ -280,14 +281,13 @@ static void print_result(const struct arguments *arguments, const struct import_
     if (arguments->json) {
         printf(
             "{\"sources_imported\": %zu, \"sources_skipped\": %zu, \"resumed\": %s, "
-            "\"posts_per_degree\": %d, \"levels\": %d, "
+            "\"posts_per_degree\": %.15g, \"levels\": %d, "
             "\"posts\": %llu, \"max_error_m\": %g, \"bytes\": %llu, \"bytes_per_post\": %.4f, "
             "\"south_deg\": %.9g, \"west_deg\": %.9g, \"north_deg\": %.9g, \"east_deg\": %.9g}\n",
             result->imported, result->skipped, result->resumed ? "true" : "false",
-            info->posts_per_degree, info->levels,
-            (unsigned long long)info->posts, info->max_error_m,
-            (unsigned long long)info->file_bytes, info->bytes_per_post, info->south_deg,
-            info->west_deg, info->north_deg, info->east_deg);
+            info->grid.posts_per_degree, info->levels, (unsigned long long)info->posts,
+            info->max_error_m, (unsigned long long)info->file_bytes, info->bytes_per_post,
+            info->south_deg, info->west_deg, info->north_deg, info->east_deg);
     } else if (!arguments->quiet) {
         printf(
             "%zu imported, %zu were there already; %d levels, %llu posts, %llu bytes, %.3f bytes a "

@@ -54,9 +54,9 @@ static void print_info(const struct database_info *info)
            info->west_deg, info->east_deg);
     printf("heights       %.1f to %.1f m above EGM96, error at most %g m\n", info->min_m,
            info->max_m, info->max_error_m);
-    printf("spacing       %.6g x %.6g arc seconds (latitude x longitude), %d posts a degree\n",
+    printf("spacing       %.6g x %.6g arc seconds (latitude x longitude), %.10g posts a degree\n",
            info->finest_lat_step_deg * 3600.0, info->finest_lon_step_deg * 3600.0,
-           info->posts_per_degree);
+           info->grid.posts_per_degree);
     printf("size          %llu bytes, %llu posts, %.3f bytes a post\n",
            (unsigned long long)info->file_bytes, (unsigned long long)info->posts,
            info->bytes_per_post);
@@ -92,8 +92,8 @@ static void print_json(const struct database_info *info)
                               json_pack("{s:I,s:I}", "tiles", (json_int_t)info->level[level].tiles,
                                         "bytes", (json_int_t)info->level[level].bytes));
     json_t *root = json_pack(
-        "{s:s,s:i,s:i,s:{s:f,s:f,s:f,s:f},s:f,s:f,s:f,s:f,s:f,s:I,s:I,s:f,s:o,s:o}", "path",
-        info->path, "format", info->version, "posts_per_degree", info->posts_per_degree,
+        "{s:s,s:i,s:f,s:{s:f,s:f,s:f,s:f},s:f,s:f,s:f,s:f,s:f,s:I,s:I,s:f,s:o,s:o}", "path",
+        info->path, "format", info->version, "posts_per_degree", info->grid.posts_per_degree,
         "extent_deg", "south", info->south_deg, "west", info->west_deg, "north", info->north_deg,
         "east", info->east_deg, "lat_step_deg", info->finest_lat_step_deg, "lon_step_deg",
         info->finest_lon_step_deg, "min_m", info->min_m, "max_m", info->max_m, "max_error_m",

@@ -113,7 +113,8 @@ static void place_between(const double at[TILE_POSTS], const double parent_at[TI
     }
 }
 
-static void post_places(const struct grid *grid, struct tile_id id, double *ret_lat, double *ret_lon)
+static void post_places(const struct grid *grid, struct tile_id id, double *ret_lat,
+                        double *ret_lon)
 {
     double width = grid_width_cells(grid, id.level, grid_lon_shift(grid, id.level, id.row));
     for (int i = 0; i < TILE_POSTS; i++) {
@@ -173,9 +174,9 @@ struct pick_row {
 static struct pick_row locate_row(const struct grid *grid, struct tile_id parent, int row)
 {
     int level = parent.level - 1;
-    int64_t last = grid_cells_to_pole(grid, level);
+    int64_t first = grid_first_row(grid, level), last = grid_last_row(grid, level);
     int64_t i = 2 * ((int64_t)parent.row * TILE_CELLS + row);
-    i = i > last ? last : i < -last ? -last : i;
+    i = i > last ? last : i < first ? first : i;
     int64_t local = i - 2 * (int64_t)parent.row * TILE_CELLS;
     /* The row between both belongs to the child nearer the equator, whose posts are denser. */
     int child_row = parent.row >= 0 ? local > TILE_CELLS : local >= TILE_CELLS;
@@ -194,7 +195,8 @@ static void pick_posts(struct block *block, int above, int row_index, struct blo
         unsigned shift = grid_lon_shift(grid, level, child_row);
         int64_t around = grid_cells_around(grid, level, shift);
         int32_t first = shift == up_shift ? 2 * id.col : id.col;
-        int32_t last = shift == up_shift ? first + 1 : first, cols = grid_tile_cols(grid, level, shift);
+        int32_t last = shift == up_shift ? first + 1 : first,
+                cols = grid_tile_cols(grid, level, shift);
         last = last < cols ? last : cols - 1;
         for (int col = 0; col < TILE_POSTS; col++) {
             int64_t j = ((int64_t)id.col * TILE_CELLS + col) << (1 + up_shift - shift);
@@ -203,7 +205,8 @@ static void pick_posts(struct block *block, int above, int row_index, struct blo
             const struct block_tile *child = tile_at(block, above - 1, child_index, tile_col);
             parent->symbols[row * TILE_POSTS + col] =
                 child && child->exists
-                    ? child->symbols[from.post_row * TILE_POSTS + j - (int64_t)tile_col * TILE_CELLS]
+                    ? child
+                          ->symbols[from.post_row * TILE_POSTS + j - (int64_t)tile_col * TILE_CELLS]
                     : SYMBOL_NONE;
         }
     }
@@ -230,9 +233,9 @@ static void build_parent(struct block *block, int above, int row_index, struct b
                 parent->exists = true;
             }
             heights_from_symbols(child->symbols, TILE_POST_COUNT, block->step_m, child_heights_m);
-            worst_m = fmax(worst_m, child->record.error_m + block_deviation_m(grid, child->record.id,
-                                                                              child_heights_m,
-                                                                              heights_m));
+            worst_m = fmax(worst_m,
+                           child->record.error_m + block_deviation_m(grid, child->record.id,
+                                                                     child_heights_m, heights_m));
             parent->record.children |= (uint8_t)tile_child_bit(grid, child->record.id);
         }
     }

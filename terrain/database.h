@@ -72,8 +72,7 @@ struct database_level_info {
 struct database_info {
     char path[DATABASE_NAME_MAX];
     int version;
-    int32_t posts_per_degree;
-    unsigned lon_bias;
+    struct grid_shape grid;
     double finest_lat_step_deg, finest_lon_step_deg; /* longitude: at the extent's equator side */
     double south_deg, west_deg, north_deg,
         east_deg; /* of posts that have data; east may exceed 180 */

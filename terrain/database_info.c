@@ -52,11 +52,12 @@ static int extent_from_tiles(struct database *database, struct database_extent *
         struct tile_id id = tile_id_from_key(sqlite3_column_int64(statement, 0));
         unsigned shift = grid_lon_shift(grid, id.level, id.row);
         int64_t west = (int64_t)id.col * TILE_CELLS, east = west + TILE_CELLS;
-        bool whole = east >= grid_cells_around(grid, id.level, shift);
-        database_extent_add(extent, grid_post_lat_deg(grid, id.level, (int64_t)id.row * TILE_CELLS),
-                            grid_post_lon_deg(grid, id.level, shift, west),
-                            grid_post_lat_deg(grid, id.level, ((int64_t)id.row + 1) * TILE_CELLS),
-                            whole ? 180.0 : grid_post_lon_deg(grid, id.level, shift, east));
+        int64_t around = grid_cells_around(grid, id.level, shift);
+        database_extent_add(
+            extent, grid_post_lat_deg(grid, id.level, (int64_t)id.row * TILE_CELLS),
+            grid_post_lon_deg(grid, id.level, shift, west),
+            grid_post_lat_deg(grid, id.level, ((int64_t)id.row + 1) * TILE_CELLS),
+            grid_post_lon_deg(grid, id.level, shift, east < around ? east : around));
     }
     sqlite3_finalize(statement);
     return r;
@@ -128,8 +129,7 @@ static int fill_sources(struct database *database, struct database_info *info, s
 int database_info(struct database *database, struct database_info *ret_info, struct diag *diag)
 {
     struct database_info info = {.version = DATABASE_FORMAT_VERSION,
-                                 .posts_per_degree = database->grid.posts_per_degree,
-                                 .lon_bias = database->grid.lon_bias,
+                                 .grid = database->grid.shape,
                                  .max_error_m = database->max_error_m,
                                  .step_m = database->step_m};
     snprintf(info.path, sizeof(info.path), "%s", database->path);
@@ -162,7 +162,7 @@ double database_extent_lon_step_deg(const struct grid *grid, const struct databa
     double nearest_deg = extent->south_deg > 0.0   ? extent->south_deg
                          : extent->north_deg < 0.0 ? -extent->north_deg
                                                    : 0.0;
-    double rows = nearest_deg * grid->posts_per_degree / TILE_CELLS;
+    double rows = nearest_deg * grid->shape.posts_per_degree / TILE_CELLS;
     return grid_lon_step_deg(grid, 0, grid_lon_shift(grid, 0, (int32_t)floor(rows)));
 }
 

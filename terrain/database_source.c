@@ -49,19 +49,20 @@ static struct database_source *of(struct terrain_source *source)
 
 static struct row_place place_row(const struct grid *grid, int level, double lat_deg)
 {
-    double to_pole = ldexp(90.0 * grid->posts_per_degree, -level);
-    int64_t last = grid_cells_to_pole(grid, level);
-    double y = fmin(fmax(lat_deg, -90.0), 90.0) / grid_lat_step_deg(grid, level);
-    double nearest = nearbyint(y);
+    double north = grid_row_at(grid, level, 90.0), south = grid_row_at(grid, level, -90.0);
+    int64_t first = grid_first_row(grid, level), last = grid_last_row(grid, level);
+    double y = grid_row_at(grid, level, lat_deg), nearest = nearbyint(y);
     struct row_place place;
-    if (fabs(y) >= to_pole - SNAP_CELLS) {
-        place = (struct row_place){.row = y > 0 ? last : -last};
+    if (y >= north - SNAP_CELLS || y <= south + SNAP_CELLS) {
+        place = (struct row_place){.row = y > 0 ? last : first};
+    } else if (y > (double)(last - 1)) { /* the cell before a pole may be lower */
+        place.row = last - 1;
+        place.fraction = (float)((y - (double)(last - 1)) / (north - (double)(last - 1)));
+    } else if (y < (double)(first + 1)) {
+        place.row = first;
+        place.fraction = (float)((y - south) / ((double)(first + 1) - south));
     } else if (fabs(y - nearest) < SNAP_CELLS) {
         place = (struct row_place){.row = (int64_t)nearest};
-    } else if (fabs(y) > (double)(last - 1)) { /* the cell before a pole may be lower */
-        double height = to_pole - (double)(last - 1);
-        place.row = y > 0 ? last - 1 : -last;
-        place.fraction = (float)((y > 0 ? y - (double)(last - 1) : y + to_pole) / height);
     } else {
         place.row = (int64_t)floor(y);
         place.fraction = (float)(y - floor(y));
@@ -118,7 +119,8 @@ static void fill_post_row(struct database_source *source, int level, int64_t row
     double cell_deg = grid_lon_step_deg(grid, level, shift);
     struct span span = {.step = columns->step_deg / cell_deg};
     while (span.begin < columns->count) {
-        double x = (columns->lon0_deg + span.begin * columns->step_deg + 180.0) / cell_deg;
+        double x =
+            grid_col_at(grid, level, shift, columns->lon0_deg + span.begin * columns->step_deg);
         x -= floor(x / width) * width;
         double nearest = nearbyint(x);
         if (fabs(x - nearest) < SNAP_CELLS)

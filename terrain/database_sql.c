@@ -190,12 +190,18 @@ static int get_number(const struct database *database, const char *key, double l
 
 int database_load_meta(struct database *database, struct diag *diag)
 {
-    double posts = 0.0, bias = 0.0, top = 0.0, error_m = 0.0, step_m = 0.0;
+    struct grid_shape shape = {.lon_bias = 0};
+    double bias = 0.0, top = 0.0, error_m = 0.0, step_m = 0.0;
     int r = check_version(database, diag);
     if (r == 0)
         r = check_meta_checksum(database, diag);
     if (r == 0)
-        r = get_number(database, "posts_per_degree", 1, GRID_POSTS_PER_DEGREE_MAX, &posts, diag);
+        r = get_number(database, "posts_per_degree", 1, GRID_POSTS_PER_DEGREE_MAX,
+                       &shape.posts_per_degree, diag);
+    if (r == 0)
+        r = get_number(database, "lat_phase", 0, 1, &shape.lat_phase, diag);
+    if (r == 0)
+        r = get_number(database, "lon_phase", 0, 1, &shape.lon_phase, diag);
     if (r == 0)
         r = get_number(database, "lon_bias", 0, GRID_SHIFT_MAX, &bias, diag);
     if (r == 0)
@@ -206,7 +212,8 @@ int database_load_meta(struct database *database, struct diag *diag)
         r = get_number(database, "step_m", 0, 4e6, &step_m, diag);
     if (r < 0)
         return r;
-    grid_init(&database->grid, (int32_t)posts, (unsigned)bias);
+    shape.lon_bias = (unsigned)bias;
+    grid_init(&database->grid, &shape);
     database->max_error_m = error_m;
     database->step_m = step_m;
     database->top_level = (int)top;

@@ -24,6 +24,7 @@ struct verifier {
     const float *other;        /* of the one that it is compared with: the cache's */
     int32_t *symbols;
     uint16_t *origins;
+    float pole_m[2]; /* south, north; NaN until one is seen */
 };
 
 static void tell(struct verifier *verifier, struct tile_id id, const char *text)
@@ -192,6 +193,26 @@ static void check_children(struct verifier *verifier, struct tile_id id)
     }
 }
 
+/* A pole has one height, in every tile that reaches it. */
+static void check_pole(struct verifier *verifier, struct tile_id id)
+{
+    const struct grid *grid = &verifier->database->grid;
+    int64_t poles[2] = {grid_first_row(grid, id.level), grid_last_row(grid, id.level)};
+    for (int i = 0; i < 2; i++) {
+        int64_t row = poles[i] - (int64_t)id.row * TILE_CELLS;
+        float *known = &verifier->pole_m[i];
+        for (int col = 0; row >= 0 && row <= TILE_CELLS && col < TILE_POSTS; col++) {
+            float height_m = verifier->heights[row * TILE_POSTS + col];
+            *known = isnan(*known) ? height_m : *known;
+            if (!isnan(height_m) && height_m != *known) {
+                fault(verifier, id, "the pole is %g m high here and %g m elsewhere",
+                      (double)height_m, (double)*known);
+                return;
+            }
+        }
+    }
+}
+
 static void check_origins(struct verifier *verifier, struct tile_id id)
 {
     if (tile_record_origins(&verifier->record, verifier->symbols, verifier->origins) < 0)
@@ -234,6 +255,7 @@ static void check_tile(struct verifier *verifier, struct tile_id id)
         check_north(verifier, id);
         check_parent(verifier, id);
         check_children(verifier, id);
+        check_pole(verifier, id);
     }
     tile_record_finish(&verifier->record);
 }
@@ -298,7 +320,8 @@ static int check_count(struct verifier *verifier, struct diag *diag)
 int database_verify(struct database *database, database_verify_function function, void *user,
                     struct database_verify_report *ret_report, struct diag *diag)
 {
-    struct verifier verifier = {.database = database, .function = function, .user = user};
+    struct verifier verifier = {
+        .database = database, .function = function, .user = user, .pole_m = {NAN, NAN}};
     verifier.heights = malloc(TILE_POST_COUNT * sizeof(float));
     verifier.symbols = malloc(TILE_POST_COUNT * sizeof(int32_t));
     verifier.origins = malloc(TILE_POST_COUNT * sizeof(uint16_t));

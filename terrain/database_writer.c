@@ -48,8 +48,10 @@ static int write_params(struct database *database, const struct database_params 
     const struct {
         const char *key;
         double value;
-    } numbers[] = {{"posts_per_degree", params->posts_per_degree},
-                   {"lon_bias", params->lon_bias},
+    } numbers[] = {{"posts_per_degree", params->grid.posts_per_degree},
+                   {"lat_phase", params->grid.lat_phase},
+                   {"lon_phase", params->grid.lon_phase},
+                   {"lon_bias", params->grid.lon_bias},
                    {"top_level", params->top_level},
                    {"max_error_m", params->max_error_m},
                    {"step_m", params->step_m},
@@ -172,8 +174,7 @@ int database_open_part(const char *path, struct database **ret_database, struct 
 int database_get_params(struct database *database, struct database_params *ret_params,
                         struct diag *diag)
 {
-    struct database_params params = {.posts_per_degree = database->grid.posts_per_degree,
-                                     .lon_bias = database->grid.lon_bias,
+    struct database_params params = {.grid = database->grid.shape,
                                      .top_level = database->top_level,
                                      .max_error_m = database->max_error_m,
                                      .step_m = database->step_m};

@@ -11,8 +11,7 @@
 #include "terrain/database.h"
 
 struct database_params {
-    int32_t posts_per_degree;
-    unsigned lon_bias;
+    struct grid_shape grid;
     int top_level;
     double max_error_m, step_m;
     char import[32]; /* tells the import from others: the same for all its shards and tries */

@@ -1,19 +1,20 @@
 /* The addressing of a terrain database: which posts exist, and which tile holds them.
  *
- * Latitude. Post row i of level k lies at i * 2^k / P degrees, P = posts per degree, i = 0 on the
- * equator, negative to the south. The last row of each hemisphere lies on the pole itself, so the
- * cell before it may be lower than the others.
+ * Latitude. Post row i of level k lies at (i * 2^k + f) / P degrees, P = posts per degree, f = the
+ * phase of latitude, 0 <= f < 1: row 0 is on the equator where f is 0. The last row of each
+ * hemisphere lies on the pole itself, so the cell before it may be lower than the others.
  *
  * Longitude. Tile row r of level k has a longitude factor 2^s (its shift s): post column j lies at
- * -180 + j * 2^(k + s) / P degrees, and the last one at +180 exactly (it is column 0 again), so the
- * cell before it may be narrower than the others. The shift is floor(log2(1 / cos(latitude))) at
- * the tile row's edge nearest the equator (0 below 60 degrees, 1 to 75.52, 2 to 82.82, ...), less
- * the database's bias, at least 0, and at most one more than that of its parent row: every post of
- * a level is then a post of the level below it, all over the globe. The bias keeps the posts of
- * square rasters on the grid beyond 60 degrees.
+ * -180 + (j * 2^(k + s) + g) / P degrees, g = the phase of longitude, and the last one at column 0
+ * again, so the cell before it may be narrower than the others. The shift is
+ * floor(log2(1 / cos(latitude))) at the tile row's edge nearest the equator (0 below 60 degrees,
+ * 1 to 75.52, 2 to 82.82, ...), less the database's bias, at least 0, and at most one more than
+ * that of its parent row: every post of a level is then a post of the level below it, all over the
+ * globe. The bias keeps the posts of square rasters on the grid beyond 60 degrees; the phases and a
+ * P that need not be whole bring the posts of any geographic raster onto it.
  *
  * Tiles have 128 x 128 cells and 129 x 129 posts; neighbours share their border posts. Row 0 has
- * the equator as its southern border, row -1 as its northern one; column 0 begins at -180. The
+ * post row 0 as its southern border, row -1 as its northern one; column 0 begins at -180. The
  * parent of (level, row) is (level + 1, floor(row / 2)). Level 0 is the finest. */
 #pragma once
 
@@ -27,9 +28,14 @@
 #define GRID_SHIFT_MAX            20
 #define GRID_POSTS_PER_DEGREE_MAX 3600000 /* 3 cm */
 
+struct grid_shape {
+    double posts_per_degree;     /* 1 .. GRID_POSTS_PER_DEGREE_MAX */
+    double lat_phase, lon_phase; /* cells of level 0, 0 <= phase < 1 */
+    unsigned lon_bias;           /* 0 .. GRID_SHIFT_MAX */
+};
+
 struct grid {
-    int32_t posts_per_degree;
-    unsigned lon_bias;
+    struct grid_shape shape;
     int top_level; /* the level at which one tile row reaches round the globe */
     /* First row (counted from the equator, either hemisphere) whose shift is at least the index. */
     int32_t band_row[GRID_LEVELS_MAX][GRID_SHIFT_MAX + 2];
@@ -39,8 +45,7 @@ struct tile_id {
     int32_t level, row, col;
 };
 
-/* `posts_per_degree` in 1 .. GRID_POSTS_PER_DEGREE_MAX, `lon_bias` in 0 .. GRID_SHIFT_MAX. */
-void grid_init(struct grid *grid, int32_t posts_per_degree, unsigned lon_bias);
+void grid_init(struct grid *grid, const struct grid_shape *shape);
 
 /* How often a degree of longitude can be halved before it is as short as it is at a latitude: the
  * shift that a bias is taken from. */
@@ -53,9 +58,16 @@ unsigned grid_lon_shift(const struct grid *grid, int level, int32_t row);
  * factor changes, the row nearer the equator, whose posts are denser. */
 int32_t grid_row_owner(const struct grid *grid, int level, int64_t post_row, int32_t tile_row);
 
-/* Cell rows between the equator and a pole; tile rows run from -n to n - 1. */
-int64_t grid_cells_to_pole(const struct grid *grid, int level);
-int32_t grid_tile_rows_to_pole(const struct grid *grid, int level);
+/* The rows of posts that lie on the south and the north pole. */
+int64_t grid_first_row(const struct grid *grid, int level);
+int64_t grid_last_row(const struct grid *grid, int level);
+/* The tile rows that hold them. */
+int32_t grid_first_tile_row(const struct grid *grid, int level);
+int32_t grid_last_tile_row(const struct grid *grid, int level);
+
+/* Places as rows and columns of posts, fractions and all; columns not reduced. */
+double grid_row_at(const struct grid *grid, int level, double lat_deg);
+double grid_col_at(const struct grid *grid, int level, unsigned shift, double lon_deg);
 
 /* Cells around the globe on a level with a shift; tile columns run from 0 to n - 1. */
 int64_t grid_cells_around(const struct grid *grid, int level, unsigned shift);
@@ -68,8 +80,8 @@ double grid_width_cells(const struct grid *grid, int level, unsigned shift);
 double grid_lat_step_deg(const struct grid *grid, int level);
 double grid_lon_step_deg(const struct grid *grid, int level, unsigned shift);
 
-/* Where a post lies; indices beyond the pole or beyond +180 are brought back to the last post,
- * whose longitude is given as -180. */
+/* Where a post lies. Rows beyond a pole are on it. Columns run on round the globe: the longitude of
+ * the last one, and of those beyond, is 360 degrees more than that of the first ones. */
 double grid_post_lat_deg(const struct grid *grid, int level, int64_t row);
 double grid_post_lon_deg(const struct grid *grid, int level, unsigned shift, int64_t col);
 

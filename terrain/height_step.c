@@ -65,9 +65,8 @@ void symbols_from_heights(const float *heights_m, size_t count, double step_m, i
     double per_step = step_m != 0.0 ? 1.0 / step_m : 0.0;
     for (size_t i = 0; i < count; i++)
         ret_symbols[i] = isnan(heights_m[i]) ? SYMBOL_NONE
-                         : step_m != 0.0
-                             ? nearest_step((double)heights_m[i], step_m, per_step)
-                             : symbol_from_bits(heights_m[i]);
+                         : step_m != 0.0     ? nearest_step((double)heights_m[i], step_m, per_step)
+                                             : symbol_from_bits(heights_m[i]);
 }
 
 void heights_from_symbols(const int32_t *symbols, size_t count, double step_m, float *ret_heights_m)

@@ -136,7 +136,9 @@ static void name_import(struct import_job *job)
     const struct database_params *database = &job->database;
     for (size_t i = 0; i < job->source_count; i++)
         hash = add_to_hash(hash, job->sources[i].key, strlen(job->sources[i].key) + 1);
-    hash = add_to_hash(hash, &database->posts_per_degree, sizeof(database->posts_per_degree));
+    const double grid[] = {database->grid.posts_per_degree, database->grid.lat_phase,
+                           database->grid.lon_phase, database->grid.lon_bias};
+    hash = add_to_hash(hash, grid, sizeof(grid));
     hash = add_to_hash(hash, &database->max_error_m, sizeof(database->max_error_m));
     hash = add_to_hash(hash, &database->step_m, sizeof(database->step_m));
     hash = add_to_hash(hash, database->import, strlen(database->import));
@@ -361,10 +363,10 @@ static int store(struct import_job *job, struct diag *diag)
     int r = list_areas(job, &pyramid);
     if (r == 0 && !job->part) {
         struct grid grid;
-        grid_init(&grid, job->database.posts_per_degree, job->database.lon_bias);
-        int top = pyramid_top_level(&grid, pyramid.areas,
-                                    (size_t)(pyramid.old_areas - pyramid.areas) +
-                                        pyramid.old_area_count);
+        grid_init(&grid, &job->database.grid);
+        int top =
+            pyramid_top_level(&grid, pyramid.areas,
+                              (size_t)(pyramid.old_areas - pyramid.areas) + pyramid.old_area_count);
         job->database.top_level = top > job->database.top_level ? top : job->database.top_level;
         r = make_part(job, diag);
     }
@@ -401,7 +403,6 @@ static int run(struct import_job *job, struct diag *diag)
         r = number_sources(job, diag);
     if (r < 0)
         return r;
-    job->result.posts_per_degree = job->database.posts_per_degree;
     name_import(job);
     if (job->params->shard_count)
         snprintf(job->database.shard, sizeof(job->database.shard), "%u/%u", job->params->shard + 1,

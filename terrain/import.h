@@ -63,7 +63,6 @@ struct import_params {
 
 struct import_result {
     size_t imported, skipped; /* sources; skipped: in the database already */
-    int32_t posts_per_degree;
     bool resumed;
 };
 

@@ -8,41 +8,53 @@
 #define DEFAULT_ERROR_M 0.5
 
 /* The next density that rasters on no grid share with those on common ones. */
-static int32_t round_density(double density)
+static double round_density(double density)
 {
     double multiple = density > 60.0 ? 60.0 : density > 12.0 ? 12.0 : 1.0;
     double posts = ceil(density / multiple * (1.0 - 1e-6)) * multiple;
-    return (int32_t)fmin(fmax(posts, 1.0), GRID_POSTS_PER_DEGREE_MAX);
+    return fmin(fmax(posts, 1.0), GRID_POSTS_PER_DEGREE_MAX);
 }
 
-/* As fine as the finest source, and a multiple of the finest one that lies on a grid. */
-static int32_t choose_density(const struct import_job *job)
+/* As fine as the finest source, and a multiple of the finest one that lies on a grid; of two that
+ * are as fine, that whose posts lie on the equator's and Greenwich's side goes first. */
+static struct grid_shape choose_grid(const struct import_job *job)
 {
+    struct grid_shape best = {.posts_per_degree = 0.0};
     double finest = 1.0;
-    int32_t own = 1;
     for (size_t i = 0; i < job->source_count; i++) {
         const struct raster_facts *facts = &job->sources[i].facts;
-        int32_t density = raster_own_density(facts);
-        own = density > own ? density : own;
-        finest = fmax(finest, density ? density : facts->density);
+        struct grid_shape own;
+        if (!raster_own_shape(facts, &own)) {
+            finest = fmax(finest, facts->density);
+            continue;
+        }
+        bool plain = own.lat_phase == 0.0 && own.lon_phase == 0.0;
+        bool best_plain = best.lat_phase == 0.0 && best.lon_phase == 0.0;
+        finest = fmax(finest, own.posts_per_degree);
+        if (own.posts_per_degree > best.posts_per_degree ||
+            (own.posts_per_degree == best.posts_per_degree && plain && !best_plain))
+            best = own;
     }
-    if (own == 1 || finest > 16.0 * own)
-        return round_density(finest);
-    double posts = own * ceil(finest / own * (1.0 - 1e-6));
-    return (int32_t)fmin(posts, GRID_POSTS_PER_DEGREE_MAX);
+    if (finest > 16.0 * best.posts_per_degree) /* also where there is none */
+        return (struct grid_shape){.posts_per_degree = round_density(finest)};
+    double times = ceil(finest / best.posts_per_degree * (1.0 - 1e-6));
+    if (times > 1.0) /* every post of the coarser grid is one of the finer */
+        best = (struct grid_shape){.posts_per_degree = best.posts_per_degree * times,
+                                   .lat_phase = fmod(best.lat_phase * times, 1.0),
+                                   .lon_phase = fmod(best.lon_phase * times, 1.0)};
+    return best;
 }
 
-static unsigned choose_bias(const struct import_job *job, int32_t posts_per_degree)
+static unsigned choose_bias(const struct import_job *job, const struct grid_shape *shape)
 {
     struct grid grid;
     unsigned bias = 0;
-    grid_init(&grid, posts_per_degree, 0);
+    grid_init(&grid, shape);
     for (size_t i = 0; i < job->source_count; i++) {
         const struct raster_facts *facts = &job->sources[i].facts;
-        int32_t own = raster_own_density(facts);
-        if (!own || posts_per_degree % own || raster_level(facts, &grid) >= BLOCK_LEVELS)
+        if (!raster_fits(facts, shape) || raster_level(facts, &grid) >= BLOCK_LEVELS)
             continue;
-        unsigned wanted = raster_lon_bias(facts, posts_per_degree);
+        unsigned wanted = raster_lon_bias(facts, shape);
         bias = wanted > bias ? wanted : bias;
     }
     return bias;
@@ -109,9 +121,9 @@ int import_choose_grid(struct import_job *job, struct diag *diag)
         return check_step(job, diag);
     }
     database->max_error_m = asked_m ? *asked_m : DEFAULT_ERROR_M;
-    database->posts_per_degree = choose_density(job);
-    database->lon_bias = choose_bias(job, database->posts_per_degree);
-    grid_init(&grid, database->posts_per_degree, database->lon_bias);
+    database->grid = choose_grid(job);
+    database->grid.lon_bias = choose_bias(job, &database->grid);
+    grid_init(&grid, &database->grid);
     place_sources(job, &grid);
     database->step_m = choose_step(job);
     return 0;

@@ -13,7 +13,7 @@
 struct import_old {
     struct database *database;
     struct tile_cache *cache;
-    int32_t *symbols; /* that no post of is void: origins as they are stored */
+    int32_t *symbols;                /* that no post of is void: origins as they are stored */
     uint16_t *origins[ORIGIN_SLOTS]; /* of the tiles at hand */
     struct tile_id ids[ORIGIN_SLOTS];
 };
@@ -73,10 +73,9 @@ static int read_origins(struct import_old *old, struct tile_id id, uint16_t *ret
     struct tile_parent place = tile_place_in_parent(grid, id, NULL);
     for (int row = 0, i = 0; r == 0 && row < TILE_POSTS; row++)
         for (int col = 0; col < TILE_POSTS; col++, i++)
-            ret_origins[i] = above[(place.row_half * TILE_CELLS / 2 + row / 2) * TILE_POSTS +
-                                   (place.same_columns
-                                        ? col
-                                        : place.col_half * TILE_CELLS / 2 + col / 2)];
+            ret_origins[i] =
+                above[(place.row_half * TILE_CELLS / 2 + row / 2) * TILE_POSTS +
+                      (place.same_columns ? col : place.col_half * TILE_CELLS / 2 + col / 2)];
     free(above);
     return r;
 }
@@ -107,18 +106,19 @@ int import_old_row(struct import_old *old, const struct raster_lattice *lattice,
     const struct grid *grid = database_grid(old->database);
     int64_t post_row = lattice->row0 + row;
     int64_t around = grid_cells_around(grid, lattice->level, lattice->shift);
-    int64_t last = grid_cells_to_pole(grid, lattice->level);
+    int64_t first = grid_first_row(grid, lattice->level);
+    int64_t last = grid_last_row(grid, lattice->level);
     struct tile_id id = {.level = lattice->level};
     for (int col = 0; col < lattice->cols; col++) {
         ret_heights_m[col] = NAN;
         ret_origins[col] = 0;
     }
-    if (post_row > last || post_row < -last)
+    if (post_row > last || post_row < first)
         return 0;
     id.row = (int32_t)grid_floor_div(post_row == last ? last - 1 : post_row, TILE_CELLS);
     if (grid_lon_shift(grid, id.level, id.row) != lattice->shift) {
         id.row -= post_row % TILE_CELLS == 0; /* the border of two rows: the other one */
-        if (post_row % TILE_CELLS != 0 || post_row == -last ||
+        if (post_row % TILE_CELLS != 0 || post_row == first ||
             grid_lon_shift(grid, id.level, id.row) != lattice->shift)
             return 0;
     }
@@ -129,8 +129,8 @@ int import_old_row(struct import_old *old, const struct raster_lattice *lattice,
         int64_t west = (int64_t)id.col * TILE_CELLS;
         int64_t end = west + TILE_CELLS < around ? west + TILE_CELLS : around;
         int count = end - post < lattice->cols - col ? (int)(end - post) : lattice->cols - col;
-        size_t at = (size_t)(post_row - (int64_t)id.row * TILE_CELLS) * TILE_POSTS +
-                    (size_t)(post - west);
+        size_t at =
+            (size_t)(post_row - (int64_t)id.row * TILE_CELLS) * TILE_POSTS + (size_t)(post - west);
         const uint16_t *origins;
         int status, r = origins_of(old, id, &origins, diag);
         const float *heights_m = r == 0 ? tile_cache_look(old->cache, id, &status) : NULL;

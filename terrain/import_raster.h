@@ -35,13 +35,14 @@ void raster_close(struct raster *raster);
 
 void raster_get_facts(const struct raster *raster, struct raster_facts *ret_facts);
 
-/* The posts of a degree that its posts are posts of; 0 where its rows and columns lie on no such
- * grid. */
-int32_t raster_own_density(const struct raster_facts *facts);
+/* The grid (without a bias) that its posts are posts of; false where there is none: it is not
+ * geographic, or its columns and rows have nothing in common. */
+bool raster_own_shape(const struct raster_facts *facts, struct grid_shape *ret_shape);
+/* Whether its rows and columns are some of a grid's, where that has no longitude factors. */
+bool raster_fits(const struct raster_facts *facts, const struct grid_shape *shape);
 
-/* The bias of longitude factors that keeps all its posts on a grid of a density that is a multiple
- * of its own. */
-unsigned raster_lon_bias(const struct raster_facts *facts, int32_t posts_per_degree);
+/* The bias of longitude factors that keeps all its posts on a grid that it fits. */
+unsigned raster_lon_bias(const struct raster_facts *facts, const struct grid_shape *shape);
 
 /* The coarsest level of a grid that is as fine as the raster. */
 int raster_level(const struct raster_facts *facts, const struct grid *grid);

@@ -6,72 +6,91 @@
 #define DENSITY_FACTOR_MAX 8
 #define PIXELS_A_POST_MAX  1024.0 /* more of them stand for all that lie between two posts */
 
-/* Whether a number of cells is whole, to within a thousandth of a pixel of the raster; at the other
- * end of `pixels` pixels, too. */
-static bool whole_cells(double start, double cells_per_pixel, int pixels)
+/* Whether an axis of the raster lies on a grid's: its first and last posts, and their distance, in
+ * cells, to within a thousandth of a pixel. */
+static bool axis_fits(double first_cell, double pixel_cells, int pixels)
 {
-    double end = start + cells_per_pixel * (pixels - 1), allowed = ALIGNED_PIXELS * cells_per_pixel;
-    return nearbyint(cells_per_pixel) >= 1.0 &&
-           fabs(cells_per_pixel - nearbyint(cells_per_pixel)) * pixels < allowed * 2.0 &&
-           fabs(start - nearbyint(start)) < allowed && fabs(end - nearbyint(end)) < allowed;
+    double allowed = ALIGNED_PIXELS * pixel_cells, whole = nearbyint(pixel_cells);
+    double last_cell = first_cell + pixel_cells * (pixels - 1);
+    return whole >= 1.0 && fabs(pixel_cells - whole) * pixels < 2.0 * allowed &&
+           fabs(first_cell - nearbyint(first_cell)) < allowed &&
+           fabs(last_cell - nearbyint(last_cell)) < allowed;
 }
 
-/* Rows and columns as cells of a density; false where they lie on none. */
-static bool fits(const struct raster_facts *facts, double posts_per_degree)
+static double first_row_cell(const struct raster_facts *facts, const struct grid_shape *shape)
 {
-    return whole_cells(facts->first_y * posts_per_degree, fabs(facts->dy) * posts_per_degree,
-                       1) &&
-           whole_cells((facts->first_y + facts->dy * (facts->height - 1)) * posts_per_degree,
-                       fabs(facts->dy) * posts_per_degree, 1) &&
-           whole_cells((facts->first_x + 180.0) * posts_per_degree,
-                       fabs(facts->dx) * posts_per_degree, 1) &&
-           whole_cells((facts->first_x + 180.0 + facts->dx * (facts->width - 1)) * posts_per_degree,
-                       fabs(facts->dx) * posts_per_degree, 1);
+    return facts->first_y * shape->posts_per_degree - shape->lat_phase;
 }
 
-int32_t raster_own_density(const struct raster_facts *facts)
+static double first_col_cell(const struct raster_facts *facts, const struct grid_shape *shape)
+{
+    return (facts->first_x + 180.0) * shape->posts_per_degree - shape->lon_phase;
+}
+
+bool raster_fits(const struct raster_facts *facts, const struct grid_shape *shape)
+{
+    double per_degree = shape->posts_per_degree;
+    return facts->geographic &&
+           axis_fits(first_row_cell(facts, shape), fabs(facts->dy) * per_degree, facts->height) &&
+           axis_fits(first_col_cell(facts, shape), fabs(facts->dx) * per_degree, facts->width);
+}
+
+/* What is left of a number of cells beyond whole ones; nearly none and nearly one are none. */
+static double phase_of(double cells)
+{
+    double phase = cells - floor(cells), half = nearbyint(2.0 * phase) / 2.0;
+    phase = fabs(phase - half) < ALIGNED_PIXELS ? half : phase;
+    return phase >= 1.0 ? 0.0 : phase;
+}
+
+bool raster_own_shape(const struct raster_facts *facts, struct grid_shape *ret_shape)
 {
     double own = 1.0 / fmin(fabs(facts->dx), fabs(facts->dy));
-    if (!facts->geographic)
-        return 0;
-    for (int factor = 1; factor <= DENSITY_FACTOR_MAX; factor++) {
-        double posts = nearbyint(own * factor);
-        if (posts >= 1.0 && posts <= GRID_POSTS_PER_DEGREE_MAX && fits(facts, posts))
-            return (int32_t)posts;
-    }
-    return 0;
+    for (int factor = 1; facts->geographic && factor <= DENSITY_FACTOR_MAX; factor++)
+        for (int whole = 1; whole >= 0; whole--) { /* headers are rounded: whole numbers first */
+            struct grid_shape shape = {.posts_per_degree =
+                                           whole ? nearbyint(own * factor) : own * factor};
+            if (shape.posts_per_degree < 1.0 || shape.posts_per_degree > GRID_POSTS_PER_DEGREE_MAX)
+                continue;
+            shape.lat_phase = phase_of(first_row_cell(facts, &shape));
+            shape.lon_phase = phase_of(first_col_cell(facts, &shape));
+            if (!raster_fits(facts, &shape))
+                continue;
+            *ret_shape = shape;
+            return true;
+        }
+    return false;
 }
 
 /* How often all of the raster's columns can be halved. */
-static unsigned column_halvings(const struct raster_facts *facts, int32_t posts_per_degree)
+static unsigned column_halvings(const struct raster_facts *facts, const struct grid_shape *shape)
 {
-    int64_t first = llrint((facts->first_x + 180.0) * posts_per_degree);
-    int64_t step = llrint(fabs(facts->dx) * posts_per_degree);
-    uint64_t both = (uint64_t)first | (uint64_t)step;
-    return both ? (unsigned)__builtin_ctzll(both) : 0;
+    uint64_t first = (uint64_t)llrint(first_col_cell(facts, shape));
+    uint64_t step = (uint64_t)llrint(fabs(facts->dx) * shape->posts_per_degree);
+    return first | step ? (unsigned)__builtin_ctzll(first | step) : 0;
 }
 
-unsigned raster_lon_bias(const struct raster_facts *facts, int32_t posts_per_degree)
+unsigned raster_lon_bias(const struct raster_facts *facts, const struct grid_shape *shape)
 {
     double lat_deg = fmax(fabs(facts->south_deg), fabs(facts->north_deg));
-    int64_t row = (int64_t)ceil(lat_deg * posts_per_degree / TILE_CELLS - 1e-9) - 1;
-    double edge_deg = fmax((double)row * TILE_CELLS / posts_per_degree, 0.0);
-    unsigned wanted = grid_halvings(edge_deg), own = column_halvings(facts, posts_per_degree);
+    double per_tile = shape->posts_per_degree / TILE_CELLS;
+    double edge_deg = fmax(ceil(lat_deg * per_tile - 1e-9) - 1.0, 0.0) / per_tile;
+    unsigned wanted = grid_halvings(edge_deg), own = column_halvings(facts, shape);
     return wanted > own ? wanted - own : 0;
 }
 
 bool raster_is_exact(const struct raster_facts *facts, const struct grid *grid, int level)
 {
-    int32_t own = raster_own_density(facts);
-    if (!own || grid->posts_per_degree % own != 0)
+    const struct grid_shape *shape = &grid->shape;
+    if (!raster_fits(facts, shape))
         return false;
-    int64_t top = llrint(facts->first_y * grid->posts_per_degree);
-    int64_t step = llrint(fabs(facts->dy) * grid->posts_per_degree);
+    int64_t top = llrint(first_row_cell(facts, shape));
+    int64_t step = llrint(fabs(facts->dy) * shape->posts_per_degree);
     if ((top | step) & ((INT64_C(1) << level) - 1))
         return false;
-    unsigned columns = column_halvings(facts, grid->posts_per_degree);
-    unsigned bias = raster_lon_bias(facts, grid->posts_per_degree);
-    return columns >= (unsigned)level && (level == 0 ? bias <= grid->lon_bias : bias == 0);
+    unsigned bias = raster_lon_bias(facts, shape);
+    return column_halvings(facts, shape) >= (unsigned)level &&
+           (level == 0 ? bias <= shape->lon_bias : bias == 0);
 }
 
 /* The distances between the raster's columns and between its rows at its middle, as degrees of
@@ -103,7 +122,7 @@ static double density_of(const struct raster *raster)
 
 int raster_level(const struct raster_facts *facts, const struct grid *grid)
 {
-    double posts = grid->posts_per_degree / facts->density;
+    double posts = grid->shape.posts_per_degree / facts->density;
     int level = posts > 1.0 ? (int)floor(log2(posts * (1.0 + 1e-6))) : 0;
     return level < grid->top_level ? level : grid->top_level;
 }
@@ -117,10 +136,10 @@ struct raster_spread raster_spread_at(const struct raster *raster, const struct 
                                       int level, int64_t row)
 {
     int64_t finest = row * (INT64_C(1) << level);
-    int64_t last = grid_cells_to_pole(grid, 0);
+    int64_t first = grid_first_row(grid, 0), last = grid_last_row(grid, 0);
     /* The cell before the post, seen from the equator, whichever tile asks. */
     int64_t cell = finest > 0 ? finest - 1 : finest;
-    cell = cell >= last ? last - 1 : cell < -last ? -last : cell;
+    cell = cell >= last ? last - 1 : cell < first ? first : cell;
     unsigned shift = grid_lon_shift(grid, 0, (int32_t)grid_floor_div(cell, TILE_CELLS));
     double north_deg = grid_lat_step_deg(grid, 0), east_deg = grid_lon_step_deg(grid, 0, shift);
     if (raster->facts.geographic)

@@ -87,34 +87,21 @@ struct part {
     int row, col, rows, cols;
 };
 
-/* Degrees of longitude, running on beyond 180; the last post of the globe lies at 180 exactly. */
-static double lattice_lon_deg(const struct grid *grid, const struct raster_lattice *lattice,
-                              int64_t col)
-{
-    int64_t around = grid_cells_around(grid, lattice->level, lattice->shift);
-    int64_t turns = grid_floor_div(col, around);
-    double lon_deg = grid_post_lon_deg(grid, lattice->level, lattice->shift, col - turns * around);
-    return lon_deg + 360.0 * (double)turns;
-}
-
 /* Where the pixels are the posts themselves: a copy. Returns 1 where they are not. */
 static int sample_direct(struct raster *raster, const struct grid *grid,
                          const struct raster_lattice *lattice, float *ret_heights_m,
                          struct diag *diag)
 {
-    double step_deg = grid_lon_step_deg(grid, lattice->level, lattice->shift);
-    int64_t around = grid_cells_around(grid, lattice->level, lattice->shift);
-    double first_lon = lattice_lon_deg(grid, lattice, lattice->col0);
-    double last_lon = lattice_lon_deg(grid, lattice, lattice->col0 + lattice->cols - 1);
+    double first_lon = grid_post_lon_deg(grid, lattice->level, lattice->shift, lattice->col0);
+    double last_lon =
+        grid_post_lon_deg(grid, lattice->level, lattice->shift, lattice->col0 + lattice->cols - 1);
     double first_lat = grid_post_lat_deg(grid, lattice->level, lattice->row0);
-    double last_lat =
-        grid_post_lat_deg(grid, lattice->level, lattice->row0 + lattice->rows - 1);
+    double last_lat = grid_post_lat_deg(grid, lattice->level, lattice->row0 + lattice->rows - 1);
     double x = (first_lon - raster->west) / raster->dx, x1 = (last_lon - raster->west) / raster->dx;
     double y = (first_lat - raster->north) / raster->dy;
     double y1 = (last_lat - raster->north) / raster->dy, turn = 360.0 / raster->dx;
     int up = raster->dy < 0.0 ? -1 : 1;
-    if (!raster->facts.geographic || raster->dx < 0.0 || fabs(turn - nearbyint(turn)) > 1e-6 ||
-        step_deg * (double)around != 360.0 || fabs(x - nearbyint(x)) > ALIGNED_PIXELS ||
+    if (!raster->facts.geographic || raster->dx < 0.0 || fabs(x - nearbyint(x)) > ALIGNED_PIXELS ||
         fabs(y - nearbyint(y)) > ALIGNED_PIXELS ||
         fabs(x1 - x - (lattice->cols - 1)) > ALIGNED_PIXELS ||
         fabs(y1 - y - up * (lattice->rows - 1)) > ALIGNED_PIXELS)
@@ -123,11 +110,13 @@ static int sample_direct(struct raster *raster, const struct grid *grid,
     int64_t line0 = low > 0 ? low : 0, line1 = low + lattice->rows;
     line1 = line1 < raster->facts.height ? line1 : raster->facts.height;
     for (int k = -2; k <= 2; k++) {
-        int64_t west = llrint(x) + k * llrint(turn), begin = west > 0 ? west : 0;
+        int64_t west = llrint(x + k * turn), begin = west > 0 ? west : 0;
         int64_t end = west + lattice->cols;
         end = end < raster->facts.width ? end : raster->facts.width;
         if (begin >= end)
             continue;
+        if (fabs(x + k * turn - (double)west) > ALIGNED_PIXELS)
+            return 1; /* the raster goes on round the globe between the posts */
         for (int64_t line = line0; line < line1; line += 64) {
             int lines = line1 - line < 64 ? (int)(line1 - line) : 64, width = (int)(end - begin);
             int r = reserve_window(raster, (size_t)lines * (size_t)width);
@@ -162,7 +151,8 @@ static void place_posts(struct raster *raster, const struct grid *grid,
         for (int col = 0; col < part->cols; col++, i++) {
             raster->lat[i] =
                 grid_post_lat_deg(grid, lattice->level, lattice->row0 + part->row + row);
-            raster->lon[i] = lattice_lon_deg(grid, lattice, lattice->col0 + part->col + col);
+            raster->lon[i] = grid_post_lon_deg(grid, lattice->level, lattice->shift,
+                                               lattice->col0 + part->col + col);
         }
     if (raster->from_lonlat)
         OCTTransform(raster->from_lonlat, count, raster->lon, raster->lat, NULL);
@@ -218,18 +208,16 @@ static bool window_around(const struct raster *raster, int count, int reach,
     }
     y0 = fmax(floor(y0) - reach, 0.0);
     y1 = fmin(ceil(y1) + reach, last_y);
-    *ret_window = (struct raster_window){.x = (int)x0,
-                                         .y = (int)y0,
-                                         .width = (int)(x1 - x0) + 1,
-                                         .height = (int)(y1 - y0) + 1};
+    *ret_window = (struct raster_window){
+        .x = (int)x0, .y = (int)y0, .width = (int)(x1 - x0) + 1, .height = (int)(y1 - y0) + 1};
     return true;
 }
 
 /* Reads a window, round the globe where the raster goes round it. */
 static int fill_window(struct raster *raster, struct raster_window *window, struct diag *diag)
 {
-    int width = raster->facts.width, r = reserve_window(raster, (size_t)window->width *
-                                                                    (size_t)window->height);
+    int width = raster->facts.width,
+        r = reserve_window(raster, (size_t)window->width * (size_t)window->height);
     for (int done = 0; r == 0 && done < window->width;) {
         int x = (int)((window->x + done) - grid_floor_div(window->x + done, width) * width);
         int run = width - x < window->width - done ? width - x : window->width - done;
@@ -271,9 +259,9 @@ static int sample_part(struct raster *raster, const struct grid *grid,
     int count = part->rows * part->cols, reach = 2;
     if (count > RASTER_CHUNK)
         return sample_halves(raster, grid, lattice, part, ret_heights_m, diag);
-    for (int row = 0; row < part->rows; row += part->rows > 1 ? part->rows - 1 : 1) {
-        int own = raster_kernel_reach(raster_spread_at(raster, grid, lattice->level,
-                                                       lattice->row0 + part->row + row));
+    for (int row = 0; row<part->rows; row += part->rows> 1 ? part->rows - 1 : 1) {
+        int own = raster_kernel_reach(
+            raster_spread_at(raster, grid, lattice->level, lattice->row0 + part->row + row));
         reach = own > reach ? own : reach;
     }
     place_posts(raster, grid, lattice, part);
@@ -288,8 +276,7 @@ static int sample_part(struct raster *raster, const struct grid *grid,
         float *out = ret_heights_m + (size_t)(part->row + row) * (size_t)lattice->cols + part->col;
         for (int col = 0; col < part->cols; col++, i++)
             if (!isnan(raster->lon[i]))
-                out[col] =
-                    raster_kernel(raster, &window, spread, raster->lon[i], raster->lat[i]);
+                out[col] = raster_kernel(raster, &window, spread, raster->lon[i], raster->lat[i]);
     }
     return r;
 }

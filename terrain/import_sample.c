@@ -125,8 +125,8 @@ static int heights_to_egm96(struct worker *worker, const struct import_options *
             float *height_m = &heights_m[(size_t)row * (size_t)lattice->cols + (size_t)col];
             if (isnan(*height_m))
                 continue;
-            double lon_deg = -180.0 + (double)(lattice->col0 + col) *
-                                          grid_lon_step_deg(grid, lattice->level, lattice->shift);
+            double lon_deg =
+                grid_post_lon_deg(grid, lattice->level, lattice->shift, lattice->col0 + col);
             double shift_m = -geoid_undulation_m(worker->egm96, lat_deg, lon_deg);
             if (own)
                 shift_m += geoid_undulation_m(own, lat_deg, lon_deg);
@@ -142,14 +142,16 @@ static bool touches(const struct grid *grid, const struct raster_lattice *lattic
 {
     double step_deg = grid_lon_step_deg(grid, lattice->level, lattice->shift);
     double cell_deg = EDGE_CELLS * grid_lat_step_deg(grid, lattice->level);
-    double west_deg = -180.0 + (double)lattice->col0 * step_deg - EDGE_CELLS * step_deg;
+    double west_deg = grid_post_lon_deg(grid, lattice->level, lattice->shift, lattice->col0) -
+                      EDGE_CELLS * step_deg;
     double east_deg = west_deg + (lattice->cols - 1 + 2 * EDGE_CELLS) * step_deg;
     if (grid_post_lat_deg(grid, lattice->level, lattice->row0) > facts->north_deg + cell_deg ||
         grid_post_lat_deg(grid, lattice->level, lattice->row0 + lattice->rows - 1) <
             facts->south_deg - cell_deg)
         return false;
     for (int turn = -2; turn <= 2; turn++)
-        if (facts->west_deg + 360.0 * turn <= east_deg && facts->east_deg + 360.0 * turn >= west_deg)
+        if (facts->west_deg + 360.0 * turn <= east_deg &&
+            facts->east_deg + 360.0 * turn >= west_deg)
             return true;
     return false;
 }
@@ -262,9 +264,10 @@ static int fill_region(struct import_sampler *sampler, struct worker *worker,
 static void set_poles(const struct import_sampler *sampler, struct region *region)
 {
     const struct grid *grid = database_grid(sampler->job->part);
-    int64_t last = grid_cells_to_pole(grid, region->lattice.level);
+    int level = region->lattice.level;
     for (int pole = 0; pole < 2; pole++) {
-        int64_t row = (pole ? last : -last) - region->lattice.row0;
+        int64_t row = (pole ? grid_last_row(grid, level) : grid_first_row(grid, level)) -
+                      region->lattice.row0;
         if (row < 0 || row >= region->lattice.rows)
             continue;
         size_t at = (size_t)row * (size_t)region->lattice.cols;
@@ -356,12 +359,16 @@ static int find_poles(struct import_sampler *sampler, struct diag *diag)
 {
     const struct grid *grid = database_grid(sampler->job->part);
     struct worker *worker = &sampler->workers[0];
-    int64_t last = grid_cells_to_pole(grid, 0);
-    unsigned shift = grid_lon_shift(grid, 0, grid_tile_rows_to_pole(grid, 0) - 1);
     int r = 0;
     for (int pole = 0; r == 0 && pole < 2; pole++) {
+        int32_t row = pole ? grid_last_tile_row(grid, 0) : grid_first_tile_row(grid, 0);
+        unsigned shift = grid_lon_shift(grid, 0, row);
         int64_t around = grid_cells_around(grid, 0, shift);
-        struct raster_lattice lattice = {0, shift, pole ? last : -last, 0, 1, 4096};
+        struct raster_lattice lattice = {.shift = shift,
+                                         .row0 = pole ? grid_last_row(grid, 0)
+                                                      : grid_first_row(grid, 0),
+                                         .rows = 1,
+                                         .cols = 4096};
         sampler->poles[pole].height_m = NAN;
         for (; r == 0 && lattice.col0 <= around && isnan(sampler->poles[pole].height_m);
              lattice.col0 += lattice.cols) {

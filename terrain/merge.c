@@ -15,8 +15,8 @@ struct merge {
 };
 
 /* All of one import, each once. */
-static int check_shards(struct merge *merge, const char *const *paths, struct database_params *first,
-                        struct diag *diag)
+static int check_shards(struct merge *merge, const char *const *paths,
+                        struct database_params *first, struct diag *diag)
 {
     bool *seen = calloc(merge->count, sizeof(*seen));
     int r = seen ? 0 : -ENOMEM;

@@ -116,8 +116,8 @@ static int fill_base(struct build *build, struct worker *worker, unsigned index,
         struct block_tile *tile = &block->tiles[i];
         if (tile->record.id.level != block->base_level)
             continue;
-        tile->wanted = build->sampling &&
-                       pyramid_plan_samples(&build->plan, build->stage, tile->record.id);
+        tile->wanted =
+            build->sampling && pyramid_plan_samples(&build->plan, build->stage, tile->record.id);
         any |= tile->wanted;
         if (!build->sampling)
             r = load_tile(build, worker, tile, diag);
@@ -199,8 +199,8 @@ static int run_item(void *user, unsigned index, unsigned item)
 {
     struct build *build = user;
     struct diag diag = {.text = ""};
-    int r = work_block(build, &build->workers[index], index, build->items[build->first + item],
-                       &diag);
+    int r =
+        work_block(build, &build->workers[index], index, build->items[build->first + item], &diag);
     if (r == 0 && index == 0 && report(build))
         r = diag_set(&diag, -ECANCELED, "interrupted");
     if (r < 0) {

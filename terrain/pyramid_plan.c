@@ -63,8 +63,8 @@ static int visit_columns(const struct grid *grid, int level, int32_t row, double
     unsigned shift = grid_lon_shift(grid, level, row);
     int32_t cols = grid_tile_cols(grid, level, shift);
     double cell_deg = grid_lon_step_deg(grid, level, shift);
-    int64_t first = (int64_t)ceil((west_deg + 180.0) / cell_deg - EDGE_CELLS);
-    int64_t last = (int64_t)floor((east_deg + 180.0) / cell_deg + EDGE_CELLS);
+    int64_t first = (int64_t)ceil(grid_col_at(grid, level, shift, west_deg) - EDGE_CELLS);
+    int64_t last = (int64_t)floor(grid_col_at(grid, level, shift, east_deg) + EDGE_CELLS);
     int64_t begin = grid_floor_div(first + TILE_CELLS - 1, TILE_CELLS) - 1;
     int64_t end = grid_floor_div(last, TILE_CELLS);
     int r = 0;
@@ -85,15 +85,14 @@ static int visit_columns(const struct grid *grid, int level, int32_t row, double
 static int visit_tiles(const struct grid *grid, int level, const struct pyramid_area *area,
                        tile_function function, void *user)
 {
-    double per_degree = grid->posts_per_degree * ldexp(1.0, -level);
-    int64_t first = (int64_t)ceil(area->south_deg * per_degree - EDGE_CELLS);
-    int64_t last = (int64_t)floor(area->north_deg * per_degree + EDGE_CELLS);
-    int32_t to_pole = grid_tile_rows_to_pole(grid, level);
+    int64_t first = (int64_t)ceil(grid_row_at(grid, level, area->south_deg) - EDGE_CELLS);
+    int64_t last = (int64_t)floor(grid_row_at(grid, level, area->north_deg) + EDGE_CELLS);
+    int32_t lowest = grid_first_tile_row(grid, level), highest = grid_last_tile_row(grid, level);
     int64_t bottom = grid_floor_div(first + TILE_CELLS - 1, TILE_CELLS) - 1;
     int64_t top = grid_floor_div(last, TILE_CELLS);
     int r = 0;
-    bottom = bottom < -to_pole ? -to_pole : bottom;
-    top = top >= to_pole ? to_pole - 1 : top;
+    bottom = bottom < lowest ? lowest : bottom;
+    top = top > highest ? highest : top;
     for (int64_t row = bottom; r == 0 && row <= top; row++) {
         bool whole = area->east_deg - area->west_deg >= 360.0;
         r = visit_columns(grid, level, (int32_t)row, whole ? -180.0 : area->west_deg,
@@ -222,9 +221,9 @@ int pyramid_plan_make(const struct pyramid_params *params, const struct grid *gr
 {
     struct pyramid_plan plan = {.grid = grid, .stages = top_level / BLOCK_LEVELS + 1};
     /* Where the top rises, what was encoded alone gets a parent. */
-    int rebuilt_from =
-        old && top_level > database_top_level(old) ? database_top_level(old) / BLOCK_LEVELS
-                                                   : PLAN_STAGES_MAX;
+    int rebuilt_from = old && top_level > database_top_level(old)
+                           ? database_top_level(old) / BLOCK_LEVELS
+                           : PLAN_STAGES_MAX;
     int r = 0;
     for (int stage = 0; r == 0 && stage < plan.stages; stage++)
         r = plan_stage(params, &plan, stage, rebuilt_from, old, diag);

@@ -188,16 +188,16 @@ static int decode_tile(struct tile_cache *cache, struct entry *entry, const floa
 static int load_heights(struct tile_cache *cache, struct entry *entry, const struct entry *parent)
 {
     const struct grid *grid = database_grid(cache->database);
-    bool expected = parent && parent->status == 0 &&
-                    parent->children & tile_child_bit(grid, entry->id);
-    int status = !parent || expected    ? decode_tile(cache, entry, parent ? parent->heights_m : NULL)
+    bool expected =
+        parent && parent->status == 0 && parent->children & tile_child_bit(grid, entry->id);
+    int status = !parent || expected  ? decode_tile(cache, entry, parent ? parent->heights_m : NULL)
                  : parent->status < 0 ? parent->status
                                       : DATABASE_ABSENT;
     if (expected && status == DATABASE_ABSENT)
         status = -EBADMSG;
-    entry->present = status == 0 || (parent && parent->present &&
-                                     heights_from_parent(grid, entry->id, parent->heights_m,
-                                                         entry->heights_m));
+    entry->present =
+        status == 0 || (parent && parent->present &&
+                        heights_from_parent(grid, entry->id, parent->heights_m, entry->heights_m));
     return status;
 }
 

@@ -9,8 +9,8 @@
 
 #include "terrain/database.h"
 #include "terrain/database_writer.h"
-#include "terrain/grid.h"
-#include "terrain/tile_codec.h"
+#include "terrain/height_step.h"
+#include "terrain/pyramid.h"
 #include "tests/check.h"
 
 static char directory[] = "/tmp/otwd-database-XXXXXX";
@@ -22,11 +22,14 @@ static inline const char *path_of(const char *name)
     return path;
 }
 
-/* A smooth surface that is periodic in longitude and known everywhere. */
+/* A smooth surface that is periodic in longitude, has one height at a pole, and is known
+ * everywhere.
+ */
 static inline float surface_m(double lat_deg, double lon_deg)
 {
     double lat = lat_deg * M_PI / 180.0, lon = lon_deg * M_PI / 180.0;
-    return (float)(1000.0 * sin(9.0 * lat) * cos(40.0 * lon) + 2000.0 * cos(3.0 * lon) * cos(lat));
+    return (float)((1000.0 * sin(9.0 * lat) * cos(40.0 * lon) + 2000.0 * cos(3.0 * lon)) *
+                   cos(lat));
 }
 
 static inline float void_north_of_m(double lat_deg, double lon_deg)
@@ -38,6 +41,7 @@ static inline float whole_metres_m(double lat_deg, double lon_deg)
 {
     return nearbyintf(surface_m(lat_deg, lon_deg));
 }
+
 
 typedef float (*surface)(double, double);
 
@@ -53,56 +57,77 @@ static inline float clipped_m(surface height_at, double lat_deg, double lon_deg)
     return inside ? height_at(lat_deg, lon_deg) : NAN;
 }
 
-static inline void put_tile(struct database *database, struct tile_id id, surface height_at)
+/* A pyramid_sample_function over a surface. */
+static inline int sample_surface(void *user, unsigned worker, struct block *block,
+                                 struct diag *diag)
 {
-    static struct tile_record record;
-    static float heights[TILE_POST_COUNT];
-    struct diag diag = {""};
-    const struct grid *grid = database_grid(database);
-    unsigned shift = grid_lon_shift(grid, id.level, id.row);
-    for (int row = 0, i = 0; row < TILE_POSTS; row++)
-        for (int col = 0; col < TILE_POSTS; col++, i++)
-            heights[i] = clipped_m(
-                height_at, grid_post_lat_deg(grid, id.level, (int64_t)id.row * TILE_CELLS + row),
-                grid_post_lon_deg(grid, id.level, shift, (int64_t)id.col * TILE_CELLS + col));
-    CHECK_INT(tile_record_fill(&record, grid, id, database_exponent(database), heights, NULL), 0);
-    if (database_write_record(database, &record, &diag) != 0)
-        CHECK_FAIL("writing: %s", diag.text);
+    surface *height_at = user;
+    int r = 0;
+    for (int t = 0; r == 0 && t < block->tile_count; t++) {
+        struct block_tile *tile = &block->tiles[t];
+        struct tile_id id = tile->record.id;
+        float heights[TILE_POST_COUNT];
+        if (!tile->wanted)
+            continue;
+        unsigned shift = grid_lon_shift(block->grid, id.level, id.row);
+        int first_row, last_row, last_col;
+        grid_tile_extent(block->grid, id, &first_row, &last_row, &last_col);
+        for (int row = 0, i = 0; row < TILE_POSTS; row++)
+            for (int col = 0; col < TILE_POSTS; col++, i++) {
+                int c = col < last_col ? col : last_col;
+                double lat_deg =
+                    grid_post_lat_deg(block->grid, id.level, (int64_t)id.row * TILE_CELLS + row);
+                double lon_deg = grid_post_lon_deg(block->grid, id.level, shift,
+                                                   (int64_t)id.col * TILE_CELLS + c);
+                lon_deg = fabs(lat_deg) == 90.0 ? 0.0 : remainder(lon_deg, 360.0);
+                heights[i] = clipped_m(*height_at, lat_deg, lon_deg == 180.0 ? -180.0 : lon_deg);
+            }
+        r = block_put_heights(block, tile, heights, NULL);
+    }
+    return r;
 }
 
-/* A database of the surface on all tiles of the finest level that touch the rectangle. */
-static inline void build(const char *path, int32_t posts_per_degree, double max_error_m,
-                         double south, double west, double north, double east, surface height_at)
+/* A database of the surface on all tiles of a level that touch the rectangle. */
+static inline void build_on_level(const char *path, const struct grid_shape *shape,
+                                  double max_error_m, double unit_m, int level, double south,
+                                  double west, double north, double east, surface height_at)
 {
     struct diag diag = {""};
-    struct database *database = NULL;
-    struct database_params params = {posts_per_degree, max_error_m};
+    struct grid grid;
+    char part[300];
+    struct pyramid_area area = {south, west, north, east, level};
+    struct database_params params = {.grid = *shape,
+                                     .max_error_m = max_error_m,
+                                     .step_m = height_step_for(max_error_m, unit_m),
+                                     .import = "fixture"};
+    struct pyramid_params pyramid = {.areas = &area,
+                                     .area_count = 1,
+                                     .jobs = 2,
+                                     .sample = sample_surface,
+                                     .sample_user = &height_at};
     rectangle.south = south, rectangle.west = west, rectangle.north = north, rectangle.east = east;
-    unlink(path);
-    int r = database_create(path, &params, &database, &diag);
-    if (r < 0) {
-        CHECK_FAIL("creating %s: %s", path, diag.text);
-        return;
-    }
-    const struct grid *grid = database_grid(database);
-    CHECK_INT(database_begin(database, &diag), 0);
-    int32_t to_pole = grid_tile_rows_to_pole(grid, 0);
-    for (int32_t row = -to_pole; row < to_pole; row++) {
-        unsigned shift = grid_lon_shift(grid, 0, row);
-        if (grid_post_lat_deg(grid, 0, ((int64_t)row + 1) * TILE_CELLS) < south ||
-            grid_post_lat_deg(grid, 0, (int64_t)row * TILE_CELLS) > north)
-            continue;
-        for (int32_t col = 0; col < grid_tile_cols(grid, 0, shift); col++) {
-            double tile_west = -180.0 + col * TILE_CELLS * grid_lon_step_deg(grid, 0, shift);
-            double tile_east = tile_west + TILE_CELLS * grid_lon_step_deg(grid, 0, shift);
-            if (tile_east >= west && tile_west <= east)
-                put_tile(database, (struct tile_id){0, row, col}, height_at);
-        }
-    }
-    CHECK_INT(database_commit(database, &diag), 0);
-    CHECK_INT(database_build_pyramid(database, 2, NULL, NULL, &diag), 0);
-    CHECK_INT(database_finish(database, &diag), 0);
-    database_close(database);
+    grid_init(&grid, shape);
+    params.top_level = pyramid_top_level(&grid, &area, 1);
+    snprintf(part, sizeof(part), "%s.part", path);
+    int r = database_create_part(part, &params, &pyramid.part, &diag);
+    if (r == 0)
+        r = pyramid_sample(&pyramid, &diag);
+    if (r == 0)
+        r = pyramid_build(&pyramid, &diag);
+    if (r == 0)
+        r = database_compose(path, &pyramid.part, 1, &diag);
+    if (r < 0)
+        CHECK_FAIL("building %s: %s", path, diag.text);
+    database_close(pyramid.part);
+    unlink(part);
+}
+
+static inline void build(const char *path, double posts_per_degree, double max_error_m,
+                         double unit_m, double south, double west, double north, double east,
+                         surface height_at)
+{
+    struct grid_shape shape = {.posts_per_degree = posts_per_degree};
+    build_on_level(path, &shape, max_error_m, unit_m, 0, south, west, north, east, height_at);
 }
 
 static inline struct terrain_source *open_source(const char *path)
@@ -124,19 +149,19 @@ static inline double point_m(struct terrain_source *source, double lat_deg, doub
 /* South of Iceland, in two bands of the grid: whole metres, which the codec keeps exactly. */
 static inline void build_exact(const char *path)
 {
-    build(path, 120, 0.5, 59.0, -23.5, 62.0, -21.0, whole_metres_m);
+    build(path, 120, 0.5, 1.0, 59.0, -23.5, 62.0, -21.0, whole_metres_m);
 }
 
 /* All of the Earth, lossless. */
 static inline void build_globe(const char *path)
 {
-    build(path, 7, 0.0, -91.0, -181.0, 91.0, 181.0, surface_m);
+    build(path, 7, 0.0, 0.0, -90.0, -180.0, 90.0, 180.0, surface_m);
 }
 
 /* Without data in its northern part. */
 static inline void build_void(const char *path)
 {
-    build(path, 120, 0.5, 62.0, -23.5, 66.0, -21.0, void_north_of_m);
+    build(path, 120, 0.5, 0.0, 62.0, -23.5, 66.0, -21.0, void_north_of_m);
 }
 
 static inline void copy_file(const char *from, const char *to)
@@ -164,6 +189,17 @@ static inline void spoil(const char *name, const char *sql, char *ret_path, size
     snprintf(ret_path, size, "%s", path_of(name));
     copy_file(from, ret_path);
     run_sql(ret_path, sql);
+}
+
+/* " WHERE key = ..." of a tile. */
+static inline const char *where(int32_t level, int32_t row, int32_t col)
+{
+    static char text[4][64];
+    static unsigned next;
+    char *found = text[next++ % 4];
+    snprintf(found, sizeof(text[0]), " WHERE key = %lld",
+             (long long)tile_key((struct tile_id){level, row, col}));
+    return found;
 }
 
 /* Runs the tests in the temporary folder; the value is main's exit status. */

@@ -1,13 +1,20 @@
-/* The database's file: grid, codec, verify, and what is refused. */
+/* The database's file: grid, heights as whole numbers, verify, and what is refused. */
 #include <errno.h>
 #include <sys/stat.h>
 
 #include "tests/database_fixture.h"
 
-static void test_bands(void)
+static struct grid grid_of(double posts_per_degree, unsigned lon_bias)
 {
     struct grid grid;
-    grid_init(&grid, 1200);
+    struct grid_shape shape = {.posts_per_degree = posts_per_degree, .lon_bias = lon_bias};
+    grid_init(&grid, &shape);
+    return grid;
+}
+
+static void test_bands(void)
+{
+    struct grid grid = grid_of(1200, 0);
     CHECK_INT(grid_lon_shift(&grid, 0, 0), 0);
     /* 59.9467 .. 60.0533: the edge nearest the equator is below 60. */
     CHECK_INT(grid_lon_shift(&grid, 0, 562), 0);
@@ -15,114 +22,114 @@ static void test_bands(void)
     CHECK_INT(grid_lon_shift(&grid, 0, -564), 1);
     CHECK_INT(grid_lon_shift(&grid, 0, -563), 0);
     CHECK_INT(grid_lon_shift(&grid, 0, (int32_t)(76.0 * 1200 / 128)), 2);
-    grid_init(&grid, 128); /* 60 degrees is a tile's edge exactly */
+    grid = grid_of(128, 0); /* 60 degrees is a tile's edge exactly */
     CHECK_INT(grid_lon_shift(&grid, 0, 60), 1);
     CHECK_INT(grid_lon_shift(&grid, 0, 59), 0);
+    grid = grid_of(1200, 1);
+    CHECK_INT(grid_lon_shift(&grid, 0, 563), 0);
+    CHECK_INT(grid_lon_shift(&grid, 0, (int32_t)(76.0 * 1200 / 128)), 1);
+    grid = grid_of(12, 3);
+    CHECK_INT(grid_lon_shift(&grid, 0, grid_last_tile_row(&grid, 0)), 0);
+    CHECK_INT(grid_lon_shift(&grid, 0, grid_first_tile_row(&grid, 0)), 0);
+    CHECK_INT(grid_halvings(0.0), 0);
+    CHECK_INT(grid_halvings(60.5), 1);
+    CHECK_INT(grid_halvings(-85.33), 3);
+}
+
+static void check_nesting(const struct grid_shape *shape)
+{
+    struct grid grid;
+    grid_init(&grid, shape);
+    for (int level = 0; level < grid.top_level; level++) {
+        int32_t first = grid_first_tile_row(&grid, level), last = grid_last_tile_row(&grid, level);
+        int32_t step = (last - first) / 1000 + 1;
+        for (int32_t row = first; row <= last; row += row < last - 600 * step ? step : 1) {
+            struct tile_id id = {level, row, 0}, parent = grid_parent(&grid, id);
+            int own = (int)grid_lon_shift(&grid, level, row);
+            int up = (int)grid_lon_shift(&grid, level + 1, parent.row);
+            if (own < up || own > up + 1)
+                CHECK_FAIL("P %g level %d row %d: shift %d below %d", shape->posts_per_degree,
+                           level, row, own, up);
+            id.col = grid_tile_cols(&grid, level, (unsigned)own) - 1;
+            if (!grid_has_tile(&grid, grid_parent(&grid, id)))
+                CHECK_FAIL("P %g level %d row %d: the last tile has no parent",
+                           shape->posts_per_degree, level, row);
+        }
+    }
+    CHECK_NEAR(grid_post_lat_deg(&grid, 0, grid_last_row(&grid, 0)), 90.0, 0.0);
+    CHECK_NEAR(grid_post_lat_deg(&grid, 5, grid_first_row(&grid, 5)), -90.0, 0.0);
+    CHECK(grid_post_lat_deg(&grid, 0, grid_last_row(&grid, 0) - 1) < 90.0);
+    CHECK_NEAR(grid_post_lon_deg(&grid, 3, 2, grid_cells_around(&grid, 3, 2)) -
+                   grid_post_lon_deg(&grid, 3, 2, 0),
+               360.0, 1e-12);
+    CHECK_NEAR(grid_row_at(&grid, 0, grid_post_lat_deg(&grid, 0, 11)), 11.0, 1e-6);
+    CHECK_NEAR(grid_col_at(&grid, 0, 1, grid_post_lon_deg(&grid, 0, 1, 13)), 13.0, 1e-5);
 }
 
 static void test_nesting(void)
 {
-    const int32_t densities[] = {1, 7, 12, 75, 120, 1200, 3600, 10800, 19200, 3600000};
-    for (size_t d = 0; d < sizeof(densities) / sizeof(densities[0]); d++) {
-        struct grid grid;
-        grid_init(&grid, densities[d]);
-        for (int level = 0; level < grid.top_level; level++) {
-            int32_t rows = grid_tile_rows_to_pole(&grid, level), step = rows / 500 + 1;
-            for (int32_t row = -rows; row < rows; row += row < rows - 600 * step ? step : 1) {
-                struct tile_id id = {level, row, 0}, parent = grid_parent(&grid, id);
-                int own = (int)grid_lon_shift(&grid, level, row);
-                int up = (int)grid_lon_shift(&grid, level + 1, parent.row);
-                if (own < up || own > up + 1)
-                    CHECK_FAIL("P %d level %d row %d: shift %d below %d", densities[d], level, row,
-                               own, up);
-                id.col = grid_tile_cols(&grid, level, (unsigned)own) - 1;
-                if (!grid_has_tile(&grid, grid_parent(&grid, id)))
-                    CHECK_FAIL("P %d level %d row %d: the last tile has no parent", densities[d],
-                               level, row);
+    const double densities[] = {1,    7,     12,    75,      120,        1200,
+                                3600, 10800, 19200, 3600000, 1025.0 / 3, 33032.258};
+    for (size_t d = 0; d < sizeof(densities) / sizeof(densities[0]); d++)
+        for (unsigned bias = 0; bias < 4; bias += 3)
+            for (int phase = 0; phase < 2; phase++) {
+                struct grid_shape shape = {densities[d], 0.5 * phase, 0.37 * phase, bias};
+                check_nesting(&shape);
             }
-        }
-        CHECK_NEAR(grid_post_lat_deg(&grid, 0, grid_cells_to_pole(&grid, 0)), 90.0, 0.0);
-        CHECK_NEAR(grid_post_lat_deg(&grid, 5, -grid_cells_to_pole(&grid, 5)), -90.0, 0.0);
-        CHECK_NEAR(grid_post_lon_deg(&grid, 3, 2, grid_cells_around(&grid, 3, 2)), -180.0, 0.0);
-    }
 }
 
-static void fill_random(float *heights, uint32_t seed, float scale)
+static void test_steps(void)
 {
-    for (int i = 0; i < TILE_POST_COUNT; i++) {
-        seed = seed * 1664525u + 1013904223u;
-        heights[i] = (float)((double)seed / 4294967296.0 * 18000.0 - 9000.0) * scale;
-    }
+    CHECK_NEAR(height_step_for(0.0, 1.0), 1.0, 0.0);
+    CHECK_NEAR(height_step_for(0.5, 1.0), 1.0, 0.0);
+    CHECK_NEAR(height_step_for(1.0, 1.0), 3.0, 0.0);
+    CHECK_NEAR(height_step_for(10.0, 1.0), 21.0, 0.0);
+    CHECK_NEAR(height_step_for(0.5, 0.1), 1.1, 1e-12);
+    CHECK_NEAR(height_step_for(0.5, 0.0), 1.0, 0.0);
+    CHECK_NEAR(height_step_for(0.1, 0.0), 204.0 / 1024.0, 0.0);
+    CHECK_NEAR(height_step_for(0.0, 0.0), 0.0, 0.0);
+    CHECK_NEAR(height_step_error_m(3.0, 1.0), 1.0, 0.0);
+    CHECK_NEAR(height_step_error_m(3.0, 0.0), 1.5, 0.0);
+    CHECK_NEAR(height_step_error_m(0.5, 1.0), 0.0, 0.0);
+    CHECK_NEAR(height_step_error_m(1.0, 0.3), 0.5, 0.0);
 }
 
-static size_t round_trip(const float *heights, int8_t exponent, float *ret_decoded)
+/* Within half a step exactly, and back to the same symbol. */
+static void test_quantising(void)
 {
-    static uint8_t payload[TILE_PAYLOAD_MAX];
-    struct diag diag = {""};
-    size_t size = 0;
-    CHECK_INT(tile_encode(heights, exponent, payload, &size), 0);
-    if (tile_decode(payload, size, ret_decoded, &diag) != 0)
-        CHECK_FAIL("decoding: %s", diag.text);
-    return size;
-}
-
-static void test_codec_bound(void)
-{
-    static float heights[TILE_POST_COUNT], decoded[TILE_POST_COUNT];
-    const double bounds[] = {0.01, 0.05, 0.1, 0.5, 2.0, 10.0, 100.0};
-    for (size_t b = 0; b < sizeof(bounds) / sizeof(bounds[0]); b++) {
-        double worst = 0.0;
-        fill_random(heights, (uint32_t)b, 1.0f);
-        round_trip(heights, tile_exponent_from_error(bounds[b]), decoded);
-        for (int i = 0; i < TILE_POST_COUNT; i++)
-            worst = fmax(worst, fabs((double)heights[i] - (double)decoded[i]));
-        if (!(worst <= bounds[b]))
-            CHECK_FAIL("bound %g: worst error is %g", bounds[b], worst);
-    }
-    CHECK_INT(tile_exponent_from_error(0.5), -4);
-    CHECK_INT(tile_exponent_from_error(0.0), TILE_LOSSLESS);
-}
-
-static void test_codec_exact(void)
-{
-    static float heights[TILE_POST_COUNT], decoded[TILE_POST_COUNT];
-    fill_random(heights, 5, 1.0f);
-    round_trip(heights, TILE_LOSSLESS, decoded);
-    CHECK(memcmp(heights, decoded, sizeof(heights)) == 0);
-    for (int i = 0; i < TILE_POST_COUNT; i++)
-        heights[i] = i % 7 == 0 ? NAN : nearbyintf(heights[i]);
-    for (int e = TILE_EXPONENT_MIN; e <= TILE_EXPONENT_MAX; e++) {
-        round_trip(heights, (int8_t)e, decoded);
-        int wrong = 0;
-        for (int i = 0; i < TILE_POST_COUNT; i++)
-            wrong += isnan(heights[i]) ? !isnan(decoded[i]) : decoded[i] != heights[i];
-        CHECK_INT(wrong, 0);
-    }
-    for (int i = 0; i < TILE_POST_COUNT; i++)
-        heights[i] = NAN;
-    CHECK(round_trip(heights, -4, decoded) < 16);
-    CHECK(isnan(decoded[0]) && isnan(decoded[TILE_POST_COUNT - 1]));
-}
-
-static void test_codec_damage(void)
-{
-    static float heights[TILE_POST_COUNT], decoded[TILE_POST_COUNT];
-    static uint8_t payload[TILE_PAYLOAD_MAX];
-    size_t size = 0;
-    struct diag diag = {""};
-    fill_random(heights, 9, 0.01f);
-    CHECK_INT(tile_encode(heights, -4, payload, &size), 0);
-    for (size_t cut = 0; cut < size; cut += size / 50 + 1)
-        CHECK(tile_decode(payload, cut, decoded, &diag) < 0);
-    payload[0] = 77;
-    CHECK_INT(tile_decode(payload, size, decoded, &diag), -EBADMSG);
-    CHECK_CONTAINS(diag.text, "codec 77");
+    const double steps[] = {0.0, 1.0 / 1024.0, 0.1992187500, 1.0, 1.1, 3.0, 21.0, 200.0};
     uint32_t seed = 1;
-    for (int n = 0; n < 300; n++) { /* must not crash, whatever it says */
-        CHECK_INT(tile_encode(heights, -4, payload, &size), 0);
-        seed = seed * 1664525u + 1013904223u;
-        payload[seed % size] ^= (uint8_t)(1u << (seed >> 29));
-        (void)tile_decode(payload, size, decoded, &diag);
+    for (size_t s = 0; s < sizeof(steps) / sizeof(steps[0]); s++)
+        for (int i = 0; i < 200000; i++) {
+            seed = seed * 1664525u + 1013904223u;
+            float height = (float)((double)seed / 4294967296.0 * 21500.0 - 12000.0);
+            height = i % 3 == 0 ? nearbyintf(2.0f * height) / 2.0f : height;
+            int32_t symbol = symbol_from_height((double)height, steps[s]);
+            float back = height_from_symbol(symbol, steps[s]);
+            if (fabs((double)height - symbol * steps[s]) > 0.5 * steps[s] && steps[s] > 0.0)
+                CHECK_FAIL("%.9g becomes %d steps of %g", (double)height, symbol, steps[s]);
+            if (steps[s] == 0.0 && back != height)
+                CHECK_FAIL("%.9g becomes %.9g", (double)height, (double)back);
+            if (symbol_from_height((double)back, steps[s]) != symbol)
+                CHECK_FAIL("%.9g comes back as another symbol", (double)back);
+        }
+    CHECK_INT(symbol_from_height(NAN, 1.0), SYMBOL_NONE);
+    CHECK_INT(symbol_from_height(NAN, 0.0), SYMBOL_NONE);
+    CHECK(isnan(height_from_symbol(SYMBOL_NONE, 1.0)) &&
+          isnan(height_from_symbol(SYMBOL_NONE, 0.0)));
+    CHECK(symbol_from_height(-2.0, 0.0) < symbol_from_height(-1.0, 0.0));
+    CHECK(symbol_from_height(-1e-9, 0.0) < symbol_from_height(1e-9, 0.0));
+}
+
+static void test_keys(void)
+{
+    const struct tile_id ids[] = {{0, 0, 0}, {0, -1, 7}, {27, -2531250, 10125000}, {3, 2531249, 8}};
+    for (size_t i = 0; i < sizeof(ids) / sizeof(ids[0]); i++) {
+        struct tile_id back = tile_id_from_key(tile_key(ids[i]));
+        CHECK_INT(back.level, ids[i].level);
+        CHECK_INT(back.row, ids[i].row);
+        CHECK_INT(back.col, ids[i].col);
+        CHECK(tile_key(ids[i]) > 0 && tile_key(ids[i]) < INT64_C(1) << 53);
     }
 }
 
@@ -162,13 +169,23 @@ static struct found verify(const char *path)
     return found;
 }
 
+/* A coarse surface, sampled on a coarse level of a fine grid. */
+static void build_leaf(const char *path)
+{
+    const struct grid_shape shape = {960.0, 0.5, 0.25, 0};
+    build_on_level(path, &shape, 0.5, 0.0, 3, 59.0, -23.5, 62.0, -21.0, surface_m);
+}
+
 static void test_verify_good(void)
 {
     const struct {
         const char *name;
         void (*build)(const char *path);
-    } cases[] = {{"exact.db", build_exact}, {"globe.db", build_globe}, {"void.db", build_void}};
-    for (int i = 0; i < 3; i++) {
+    } cases[] = {{"exact.db", build_exact},
+                 {"globe.db", build_globe},
+                 {"void.db", build_void},
+                 {"leaf.db", build_leaf}};
+    for (int i = 0; i < 4; i++) {
         const char *path = path_of(cases[i].name);
         cases[i].build(path);
         struct found found = verify(path);
@@ -179,27 +196,26 @@ static void test_verify_good(void)
 }
 
 /* exact.db has row 57 (60.8 .. 61.87 N), shift 1; column 74 begins at -22.13. */
-#define ONE_TILE " WHERE level = 0 AND row = 57 AND col = 74"
-
 static void test_verify_names_tile(void)
 {
     const struct {
         const char *sql, *text;
     } cases[] = {
-        {"UPDATE tiles SET payload = payload || x'00'" ONE_TILE, "checksum"},
-        {"UPDATE tiles SET min_m = min_m - 1" ONE_TILE, "checksum"},
-        {"DELETE FROM tiles" ONE_TILE, "missing"},
-        {"UPDATE tiles SET payload = (SELECT payload FROM tiles WHERE level = 0 AND row = 57 AND "
-         "col = 73)" ONE_TILE,
-         "checksum"},
+        {"UPDATE tiles SET posts = posts + 1", "checksum"},
+        {"UPDATE tiles SET min_m = min_m - 1", "checksum"},
+        {"UPDATE tiles SET error_m = error_m / 2", "checksum"},
+        {"UPDATE tiles SET children = 1", "checksum"},
+        {"UPDATE tiles SET start = start + 1", "checksum"},
+        {"DELETE FROM tiles", "missing"},
     };
     for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
-        char path[256];
-        spoil("spoilt.db", cases[i].sql, path, sizeof(path));
-        bool promised = i == 2; /* a missing tile also shows in the count */
+        char path[256], sql[300];
+        snprintf(sql, sizeof(sql), "%s%s", cases[i].sql, where(0, 57, 74));
+        spoil("spoilt.db", sql, path, sizeof(path));
+        bool missing = i == 5; /* also shows in the count */
         struct found found = verify(path);
-        CHECK_INT(found.faults, promised ? 2 : 1);
-        if (!promised) {
+        CHECK_INT(found.faults, missing ? 2 : 1);
+        if (!missing) {
             CHECK_INT(found.first.id.level, 0);
             CHECK_INT(found.first.id.row, 57);
             CHECK_INT(found.first.id.col, 74);
@@ -208,77 +224,50 @@ static void test_verify_names_tile(void)
     }
 }
 
-static void test_verify_content(void)
+static void put_record(struct database *part, const struct tile_record *record)
 {
-    rectangle.south = 59.0, rectangle.west = -23.5, rectangle.north = 62.0, rectangle.east = -21.0;
-    /* A tile that is well formed, but not the one that its neighbours and its parent know. */
-    char path[256];
     struct diag diag = {""};
-    struct database *database = NULL;
-    spoil("content.db", "SELECT 1", path, sizeof(path));
-    CHECK_INT(database_open_writable(path, &database, &diag), 0);
-    CHECK_INT(database_begin(database, &diag), 0);
-    put_tile(database, (struct tile_id){0, 57, 74}, surface_m);
-    CHECK_INT(database_commit(database, &diag), 0);
-    CHECK_INT(database_finish(database, &diag), 0);
-    database_close(database);
-    struct found found = verify(path);
-    CHECK(found.faults >= 3);
-    CHECK_CONTAINS(found.text, "border");
+    if (database_begin(part, &diag) < 0 || database_write_record(part, record, &diag) < 0 ||
+        database_commit(part, &diag) < 0)
+        CHECK_FAIL("%s", diag.text);
 }
 
-static void test_flipped_bits(void)
+/* A tile that is well formed, but not the one that its neighbours and its parent know. */
+static void test_verify_content(void)
 {
-    char good[256], bad[256];
+    char good[256], bad[256], part_path[256];
+    struct diag diag = {""};
+    struct database *files[2] = {NULL, NULL};
+    struct database_params params;
+    struct tile_record record = {.payload_size = 0};
     snprintf(good, sizeof(good), "%s", path_of("exact.db"));
-    snprintf(bad, sizeof(bad), "%s", path_of("flipped.db"));
-    struct stat status;
-    CHECK_INT(stat(good, &status), 0);
-    /* Everywhere within a payload; each flip must be found, wherever it is. */
-    sqlite3 *handle = NULL;
-    sqlite3_stmt *statement = NULL;
-    int undetected = 0, tried = 0;
-    uint32_t seed = 3;
-    for (int n = 0; n < 40; n++) {
-        char sql[256];
-        copy_file(good, bad);
-        CHECK_INT(sqlite3_open(bad, &handle), SQLITE_OK);
-        seed = seed * 1664525u + 1013904223u;
-        CHECK_INT(sqlite3_prepare_v2(handle,
-                                     "SELECT rowid, length(payload) FROM tiles ORDER BY rowid "
-                                     "LIMIT 1 OFFSET ?1",
-                                     -1, &statement, NULL),
-                  SQLITE_OK);
-        sqlite3_bind_int(statement, 1, (int)(seed >> 16) % 20);
-        CHECK_INT(sqlite3_step(statement), SQLITE_ROW);
-        sqlite3_int64 rowid = sqlite3_column_int64(statement, 0);
-        int size = sqlite3_column_int(statement, 1);
-        sqlite3_finalize(statement);
-        sqlite3_blob *blob = NULL;
-        uint8_t byte;
-        int at = (int)((seed >> 3) % (uint32_t)size);
-        CHECK_INT(sqlite3_blob_open(handle, "main", "tiles", "payload", rowid, 1, &blob),
-                  SQLITE_OK);
-        CHECK_INT(sqlite3_blob_read(blob, &byte, 1, at), SQLITE_OK);
-        byte ^= (uint8_t)(1u << (n % 8));
-        CHECK_INT(sqlite3_blob_write(blob, &byte, 1, at), SQLITE_OK);
-        sqlite3_blob_close(blob);
-        snprintf(sql, sizeof(sql), "SELECT level, row, col FROM tiles WHERE rowid = %lld",
-                 (long long)rowid);
-        CHECK_INT(sqlite3_prepare_v2(handle, sql, -1, &statement, NULL), SQLITE_OK);
-        CHECK_INT(sqlite3_step(statement), SQLITE_ROW);
-        struct tile_id id = {sqlite3_column_int(statement, 0), sqlite3_column_int(statement, 1),
-                             sqlite3_column_int(statement, 2)};
-        sqlite3_finalize(statement);
-        sqlite3_close(handle);
-        struct found found = verify(bad);
-        tried++;
-        if (found.faults != 1 || found.first.id.level != id.level || found.first.id.row != id.row ||
-            found.first.id.col != id.col)
-            undetected++;
-    }
-    CHECK_INT(tried, 40);
-    CHECK_INT(undetected, 0);
+    snprintf(bad, sizeof(bad), "%s", path_of("content.db"));
+    snprintf(part_path, sizeof(part_path), "%s", path_of("content.part"));
+    CHECK_INT(database_open(good, &files[1], &diag), 0);
+    CHECK_INT(database_get_params(files[1], &params, &diag), 0);
+    CHECK_INT(database_create_part(part_path, &params, &files[0], &diag), 0);
+    CHECK_INT(database_read_record(files[1], (struct tile_id){0, 57, 73}, &record, &diag), 0);
+    record.id.col = 74;
+    put_record(files[0], &record);
+    tile_record_finish(&record);
+    CHECK_INT(database_compose(bad, files, 2, &diag), 0);
+    struct found found = verify(bad);
+    CHECK(found.faults >= 2);
+    CHECK_CONTAINS(found.text, "border");
+    /* A parent that promises less than it keeps. */
+    CHECK_INT(database_read_record(files[1], (struct tile_id){0, 57, 74}, &record, &diag), 0);
+    put_record(files[0], &record);
+    tile_record_finish(&record);
+    CHECK_INT(database_read_record(files[1], (struct tile_id){1, 28, 37}, &record, &diag), 0);
+    record.error_m *= 0.9;
+    put_record(files[0], &record);
+    tile_record_finish(&record);
+    CHECK_INT(database_compose(bad, files, 2, &diag), 0);
+    found = verify(bad);
+    CHECK_INT(found.faults, 1);
+    CHECK_CONTAINS(found.text, "its error is");
+    database_close(files[0]);
+    database_close(files[1]);
 }
 
 static void check_refused(const char *path, int code, const char *text)
@@ -312,7 +301,9 @@ static void test_refusals(void)
     check_refused(path, -EBADMSG, "not a terrain database");
     spoil("future.db", "PRAGMA user_version = 9", path, sizeof(path));
     check_refused(path, -EPROTONOSUPPORT, "version 9");
-    check_refused(path, -EPROTONOSUPPORT, "version 1");
+    check_refused(path, -EPROTONOSUPPORT, "version 2");
+    spoil("past.db", "PRAGMA user_version = 1", path, sizeof(path));
+    check_refused(path, -EPROTONOSUPPORT, "import its sources again");
     spoil("meta.db", "UPDATE metadata SET value = '121' WHERE key = 'posts_per_degree'", path,
           sizeof(path));
     check_refused(path, -EBADMSG, "metadata");
@@ -325,45 +316,49 @@ static void test_refusals(void)
 
 static void test_incomplete(void)
 {
-    rectangle.south = -90.0, rectangle.west = -180.0, rectangle.north = 90.0,
-    rectangle.east = 180.0;
+    char path[256], part[300], shard[256];
     struct diag diag = {""};
     struct database *writer = NULL, *second = NULL;
-    struct database_params params = {120, 0.5};
-    const char *path = path_of("incomplete.db");
-    CHECK_INT(database_create(path, &params, &writer, &diag), 0);
-    CHECK_INT(database_begin(writer, &diag), 0);
-    put_tile(writer, (struct tile_id){0, 57, 74}, surface_m);
-    CHECK_INT(database_commit(writer, &diag), 0);
-    CHECK_INT(database_open_writable(path, &second, &diag), -EBUSY);
+    struct database_params params = {
+        .grid = {.posts_per_degree = 120.0}, .step_m = 1.0, .import = "one"};
+    snprintf(path, sizeof(path), "%s", path_of("incomplete.db"));
+    snprintf(part, sizeof(part), "%s.part", path);
+    CHECK_INT(database_create_part(part, &params, &writer, &diag), 0);
+    CHECK_INT(database_open_part(part, &second, &diag), -EBUSY);
+    CHECK_CONTAINS(diag.text, "another program");
+    CHECK_INT(database_create_part(part, &params, &second, &diag), -EEXIST);
     database_close(writer);
     check_refused(path, -EBUSY, "not complete");
-    CHECK_INT(database_create(path, &params, &second, &diag), -EEXIST);
-    /* It goes on where it was. */
-    CHECK_INT(database_open_writable(path, &writer, &diag), 0);
-    CHECK_INT(database_build_pyramid(writer, 1, NULL, NULL, &diag), 0);
-    CHECK_INT(database_finish(writer, &diag), 0);
+    check_refused(part, -EBUSY, "belongs to an import");
+    snprintf(params.shard, sizeof(params.shard), "2/3");
+    snprintf(shard, sizeof(shard), "%s", path_of("shard.db"));
+    CHECK_INT(database_create_part(shard, &params, &writer, &diag), 0);
     database_close(writer);
-    CHECK_INT(verify(path).faults, 0);
+    check_refused(shard, -EBUSY, "shard 2/3");
+    CHECK_INT(database_open_part(path_of("exact.db"), &second, &diag), -EBADMSG);
 }
 
-static void test_rollback(void)
+/* What a step left when it was not committed is not there, and what was done before is. */
+static void test_steps_of_a_part(void)
 {
-    char path[256];
+    char part[256];
     struct diag diag = {""};
     struct database *writer = NULL;
-    spoil("rollback.db", "SELECT 1", path, sizeof(path));
-    CHECK_INT(database_open_writable(path, &writer, &diag), 0);
+    struct database_params params = {
+        .grid = {.posts_per_degree = 120.0}, .step_m = 1.0, .import = "one"};
+    snprintf(part, sizeof(part), "%s", path_of("steps.part"));
+    CHECK_INT(database_create_part(part, &params, &writer, &diag), 0);
     CHECK_INT(database_begin(writer, &diag), 0);
-    CHECK(!database_is_complete(writer));
-    database_rollback(writer);
-    CHECK(database_is_complete(writer));
-    CHECK_INT(database_begin(writer, &diag), 0); /* marks the file again */
+    CHECK_INT(database_mark_done(writer, 5, &diag), 0);
     CHECK_INT(database_commit(writer, &diag), 0);
+    CHECK_INT(database_begin(writer, &diag), 0);
+    CHECK_INT(database_mark_done(writer, 6, &diag), 0);
     database_rollback(writer);
-    CHECK(!database_is_complete(writer));
     database_close(writer);
-    check_refused(path, -EBUSY, "not complete");
+    CHECK_INT(database_open_part(part, &writer, &diag), 0);
+    CHECK_INT(database_is_done(writer, 5, &diag), 1);
+    CHECK_INT(database_is_done(writer, 6, &diag), 0);
+    database_close(writer);
 }
 
 static void test_read_only_directory(void)
@@ -390,31 +385,32 @@ static void test_info(void)
     if (!database)
         return;
     CHECK_INT(database_info(database, &info, &diag), 0);
-    CHECK_INT(info.posts_per_degree, 120);
+    CHECK_NEAR(info.grid.posts_per_degree, 120.0, 0.0);
     CHECK_NEAR(info.finest_lat_step_deg, 1.0 / 120.0, 1e-12);
-    CHECK_NEAR(info.step_m, 1.0 / 16.0, 0.0);
+    CHECK_NEAR(info.step_m, 1.0, 0.0);
+    CHECK_NEAR(info.level[0].error_m, 0.5, 0.0);
+    CHECK(info.level[1].error_m > 0.5 && info.level[2].error_m > info.level[1].error_m);
     CHECK(info.levels >= 2 && info.level[0].tiles > 4 && info.level[info.levels - 1].tiles <= 4);
     CHECK(info.south_deg <= 59.0 && info.north_deg >= 62.0);
     CHECK(info.west_deg <= -23.5 && info.east_deg >= -21.0 && info.east_deg < -19.0);
-    CHECK(info.posts > 0 && info.bytes_per_post > 0.1 && info.bytes_per_post < 4.0);
+    CHECK(info.posts > 0 && info.bytes_per_post > 0.01 && info.bytes_per_post < 4.0);
     CHECK_INT(info.source_count, 0);
     database_info_finish(&info);
     database_close(database);
 }
 
 static const struct check_test tests[] = {
-    {"the longitude factor changes at 60 degrees and doubles on", test_bands},
-    {"every tile's factor is its parent's or twice that, at any density", test_nesting},
-    {"the codec keeps its error bound", test_codec_bound},
-    {"whole metres, voids and float bits come back exactly", test_codec_exact},
-    {"a damaged payload is refused and harms nobody", test_codec_damage},
+    {"the longitude factor changes at 60 degrees and doubles on, less the bias", test_bands},
+    {"every tile's factor is its parent's or twice that, on any grid", test_nesting},
+    {"steps follow the bound and the unit", test_steps},
+    {"a height is within half a step of its symbol, and symbols come back", test_quantising},
+    {"keys tell tiles apart", test_keys},
     {"verify finds nothing wrong with good databases", test_verify_good},
     {"verify names the tile that was changed, exchanged or removed", test_verify_names_tile},
-    {"verify compares borders and levels", test_verify_content},
-    {"every flipped bit of a payload is found and its tile named", test_flipped_bits},
+    {"verify compares borders, levels and errors", test_verify_content},
     {"what is no database, of another version or cut short is named", test_refusals},
-    {"an unfinished database is refused, and can be finished", test_incomplete},
-    {"a rollback leaves a database as complete as its file is", test_rollback},
+    {"parts of an import are refused, and have one writer", test_incomplete},
+    {"a part keeps what was committed", test_steps_of_a_part},
     {"a database in a read-only directory can be read", test_read_only_directory},
     {"info tells extent, levels and size", test_info},
 };

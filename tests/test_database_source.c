@@ -164,14 +164,14 @@ static void test_normal(void)
 
 static void test_bad_tile_falls_back(void)
 {
-    const char *const spoils[] = {
-        "UPDATE tiles SET payload = x'0102' WHERE level = 0 AND row = 57 AND col = 74",
-        "DELETE FROM tiles WHERE level = 0 AND row = 57 AND col = 74",
-        "DELETE FROM tiles WHERE level IN (0, 1)",
-    };
     for (int i = 0; i < 3; i++) {
-        char path[256];
-        spoil("fallback.db", spoils[i], path, sizeof(path));
+        char path[256], sql[256];
+        if (i == 0)
+            snprintf(sql, sizeof(sql), "UPDATE tiles SET payload = x'0102'%s", where(0, 57, 74));
+        else
+            snprintf(sql, sizeof(sql), "DELETE FROM tiles%s",
+                     i == 1 ? where(0, 57, 74) : " WHERE key >> 48 IN (0, 1)");
+        spoil("fallback.db", sql, path, sizeof(path));
         struct terrain_source *source = open_source(path);
         if (!source)
             return;
