@@ -30,3 +30,7 @@ bool symbol_code_mask(struct symbol_coder *coder, const struct tile_parent *pare
 
 /* Codes the posts that have data and are not the parent's. Without a parent, every post. */
 bool symbol_code_posts(struct symbol_coder *coder, const struct tile_parent *parent);
+
+/* The set of predictor weights that suits a tile best. Loads the grid's other planes for that from
+ * the symbols; PLANE_KNOWN is loaded. */
+unsigned symbol_choose_set(struct symbol_grid *grid, const int32_t *symbols);

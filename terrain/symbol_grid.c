@@ -39,6 +39,19 @@ struct window window_of_tile(const int32_t *symbols, int cells)
     return (struct window){symbols, step * TILE_POSTS, step, 0, cells, 0, cells};
 }
 
+struct window window_of_plane(const int32_t *symbols, enum plane plane)
+{
+    int odd_row = plane == PLANE_CENTRE || plane == PLANE_ROW;
+    int odd_col = plane == PLANE_CENTRE || plane == PLANE_COLUMN;
+    return (struct window){symbols + odd_row * TILE_POSTS + odd_col,
+                           2 * TILE_POSTS,
+                           2,
+                           0,
+                           PLANE_CELLS - odd_row,
+                           0,
+                           PLANE_CELLS - odd_col};
+}
+
 bool window_first(const struct window *window, int32_t *ret_symbol)
 {
     for (int row = window->first_row; row <= window->last_row; row++)

@@ -101,6 +101,9 @@ struct window window_of_parent(const struct tile_parent *parent, enum plane plan
 /* PLANE_KNOWN of the tile's own posts where a grid of `cells` is coded. */
 struct window window_of_tile(const int32_t *symbols, int cells);
 
+/* A plane of the tile's own posts. */
+struct window window_of_plane(const int32_t *symbols, enum plane plane);
+
 static inline const int32_t *window_at(const struct window *window, int row, int col)
 {
     return window->symbols + row * window->row_step + col * window->col_step;

@@ -2,9 +2,6 @@
 
 #include <stdlib.h>
 
-/* The loops below run over rows of consecutive posts: the vectoriser does the rest. */
-#define CLONES __attribute__((target_clones("avx2", "default")))
-
 CLONES void symbol_predict_row(const struct symbol_grid *grid, enum phase phase, unsigned set,
                                int row, int count, int32_t *ret_predictions,
                                int32_t *ret_activities)

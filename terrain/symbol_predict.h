@@ -3,6 +3,9 @@
 
 #include "terrain/symbol_grid.h"
 
+/* For loops over rows of consecutive posts: the vectoriser does the rest. */
+#define CLONES __attribute__((target_clones("avx2", "default")))
+
 #define PREDICTOR_SETS 16
 #define PREDICT_BITS   10 /* weights are in 1/1024, and so are predictions in steps */
 
