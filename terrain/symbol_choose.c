@@ -12,16 +12,17 @@
 CLONES static int64_t row_cost(const struct symbol_grid *grid, enum phase phase, unsigned set,
                                int row, const int32_t *has_data)
 {
-    int32_t predictions[PLANE_STRIDE], activities[PLANE_STRIDE];
+    struct prediction_row predicted;
     enum plane plane = phase_shapes[phase].plane;
     const int32_t *values = grid->value[plane] + plane_index(row, 0);
     int32_t west_weight = predictor_weights[set][phase][0];
-    symbol_predict_row(grid, phase, set, row, PLANE_CELLS, predictions, activities);
+    symbol_predict_row(grid, phase, set, row, &predicted);
     int64_t cost = 0;
     for (int i = 0; i < PLANE_CELLS; i += RUN) {
         int32_t sum = 0;
         for (int j = i; j < i + RUN; j++) {
-            int32_t off = predictions[j] + west_weight * values[j - 1] - (values[j] << PREDICT_BITS);
+            int32_t off =
+                predicted.values[j] + west_weight * values[j - 1] - (values[j] << PREDICT_BITS);
             sum += (abs(off) >> 6) & has_data[j];
         }
         cost += bits_from_float((float)(sum + LEAST));

@@ -25,6 +25,18 @@ static const int32_t *inherited(const struct tile_parent *parent, int row, int c
     return parent->symbols + from_row * TILE_POSTS + from_col;
 }
 
+/* Fills a tile with the parent's posts, and zeros between. */
+static void inherit(const struct tile_parent *parent, int32_t *ret_symbols)
+{
+    memset(ret_symbols, 0, TILE_POST_COUNT * sizeof(*ret_symbols));
+    int step = parent->same_columns ? 1 : 2;
+    for (int row = 0; row < TILE_POSTS; row += 2) {
+        const int32_t *from = inherited(parent, row, 0);
+        for (int col = 0; col < TILE_POSTS; col += step)
+            ret_symbols[row * TILE_POSTS + col] = *from++;
+    }
+}
+
 static void put_int32(uint8_t *to, int32_t value)
 {
     for (int byte = 0; byte < 4; byte++)
@@ -45,6 +57,7 @@ static void coder_init(struct symbol_coder *coder, int32_t *symbols, bool encodi
         coder->flat_rows[i] = ENTROPY_TOTAL / 2;
     for (int i = 0; i < MASK_CONTEXTS; i++)
         coder->mask[i] = ENTROPY_TOTAL / 2;
+    coder->mask_repeats[0] = coder->mask_repeats[1] = ENTROPY_TOTAL / 2;
     coder->symbols = symbols;
     coder->encoding = encoding;
 }
@@ -186,10 +199,11 @@ int symbols_decode(const uint8_t *payload, size_t size, const struct tile_parent
     unsigned mode = payload[0] & 3;
     if (mode > MODE_RAW || payload[0] & HEADER_SPARE || payload[1] > SHIFT_MAX)
         return diag_set(diag, -EBADMSG, "payload header is not valid");
-    for (int i = 0; i < TILE_POST_COUNT; i++) {
-        const int32_t *from = inherited(parent, i / TILE_POSTS, i % TILE_POSTS);
-        ret_symbols[i] = mode == MODE_EMPTY ? SYMBOL_NONE : from ? *from : 0;
-    }
+    if (mode == MODE_EMPTY || !parent)
+        for (int i = 0; i < TILE_POST_COUNT; i++)
+            ret_symbols[i] = mode == MODE_EMPTY ? SYMBOL_NONE : 0;
+    else
+        inherit(parent, ret_symbols);
     if (mode == MODE_EMPTY)
         return 0;
     return mode == MODE_RAW ? decode_raw(payload, size, parent, ret_symbols, diag)

@@ -10,7 +10,7 @@
 struct symbol_coder {
     struct symbol_grid grid;
     union entropy_model models[MODEL_COUNT], escape;
-    entropy_bit_model flat_rows[PHASE_COUNT], mask[MASK_CONTEXTS];
+    entropy_bit_model flat_rows[PHASE_COUNT], mask[MASK_CONTEXTS], mask_repeats[2];
     struct entropy_encoder encoder;
     struct entropy_decoder decoder;
     int32_t *symbols; /* TILE_POST_COUNT; those to be coded are read or written */

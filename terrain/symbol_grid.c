@@ -1,5 +1,6 @@
 #include "terrain/symbol_grid.h"
 
+#include <stdlib.h>
 #include <string.h>
 
 static int clamped(int value, int low, int high)
@@ -102,6 +103,13 @@ static bool fill_rows(struct symbol_grid *grid, enum plane plane, const struct w
     return first <= window->last_row;
 }
 
+/* Continues a line straight on: `count` values before `at`, whose inner neighbour is a step on. */
+static void continue_line(int32_t *at, int step, int count)
+{
+    for (int i = 1; i <= count; i++)
+        at[-i * step] = grid_clamped((int64_t)at[0] + i * ((int64_t)at[0] - at[step]));
+}
+
 void grid_load(struct symbol_grid *grid, enum plane plane, struct window window)
 {
     int32_t *values = grid->value[plane];
@@ -113,17 +121,14 @@ void grid_load(struct symbol_grid *grid, enum plane plane, struct window window)
     int end_col = plane_cols(grid, plane) + PLANE_MARGIN;
     for (int row = window.first_row; row <= window.last_row; row++) {
         int32_t *to = values + plane_index(row, 0);
-        for (int col = -PLANE_MARGIN; col < window.first_col; col++)
-            to[col] = to[window.first_col];
-        for (int col = window.last_col + 1; col < end_col; col++)
-            to[col] = to[window.last_col];
+        continue_line(to + window.first_col, 1, window.first_col + PLANE_MARGIN);
+        continue_line(to + window.last_col, -1, end_col - 1 - window.last_col);
     }
-    for (int row = -PLANE_MARGIN; row < end_row; row++) {
-        int from = clamped(row, window.first_row, window.last_row);
-        if (row != from)
-            memcpy(values + plane_index(row, -PLANE_MARGIN),
-                   values + plane_index(from, -PLANE_MARGIN),
-                   (size_t)(end_col + PLANE_MARGIN) * sizeof(*values));
+    for (int col = -PLANE_MARGIN; col < end_col; col++) {
+        continue_line(values + plane_index(window.first_row, col), PLANE_STRIDE,
+                      window.first_row + PLANE_MARGIN);
+        continue_line(values + plane_index(window.last_row, col), -PLANE_STRIDE,
+                      end_row - 1 - window.last_row);
     }
 }
 
@@ -134,12 +139,17 @@ void grid_fill_margin(struct symbol_grid *grid, enum phase phase)
     int rows = plane_rows(grid, shape->plane), cols = plane_cols(grid, shape->plane);
     for (int row = -margin; row < rows + margin; row++) {
         int32_t *to = grid->value[shape->plane] + plane_index(row, 0);
+        int32_t *off = grid->error[shape->plane] + plane_index(row, 0);
         const int32_t *a = tap_row(grid->value, shape->around[0], row),
                       *b = tap_row(grid->value, shape->around[1], row),
                       *c = tap_row(grid->value, shape->around[2], row),
                       *d = tap_row(grid->value, shape->around[3], row);
         for (int col = -margin; col < cols + margin; col++)
             if (row < 0 || row >= rows || col < 0 || col >= cols)
+            {
                 to[col] = (a[col] + b[col] + c[col] + d[col] + 2) >> 2;
+                int32_t size = abs(a[col] + b[col] - c[col] - d[col]) << 3;
+                off[col] = size < GRID_ERROR_MAX ? size : GRID_ERROR_MAX;
+            }
     }
 }

@@ -24,15 +24,16 @@ enum plane { PLANE_KNOWN, PLANE_CENTRE, PLANE_ROW, PLANE_COLUMN, PLANE_COUNT };
 #define PLANE_MARGIN 2
 #define PLANE_STRIDE 72
 #define PLANE_ROWS   (PLANE_CELLS + 1 + 2 * PLANE_MARGIN)
+#define PLANE_SIZE   (PLANE_ROWS * PLANE_STRIDE + 16) /* rows are read in blocks of 24 posts */
 
 struct symbol_grid {
     int cells; /* m */
     int32_t base;
     unsigned shift;
     /* (symbol - base) >> shift, within +-GRID_VALUE_MAX. */
-    int32_t value[PLANE_COUNT][PLANE_ROWS * PLANE_STRIDE];
+    int32_t value[PLANE_COUNT][PLANE_SIZE];
     /* How far off the prediction was, in sixteenths of a step, at most GRID_ERROR_MAX. */
-    int32_t error[PLANE_COUNT][PLANE_ROWS * PLANE_STRIDE];
+    int32_t error[PLANE_COUNT][PLANE_SIZE];
 };
 #define GRID_VALUE_MAX ((1 << 18) - 1)
 #define GRID_ERROR_MAX (1 << 20)
@@ -82,7 +83,7 @@ struct phase_shape {
 };
 extern const struct phase_shape phase_shapes[PHASE_COUNT];
 
-static inline const int32_t *tap_row(const int32_t (*planes)[PLANE_ROWS * PLANE_STRIDE],
+static inline const int32_t *tap_row(const int32_t (*planes)[PLANE_SIZE],
                                      struct tap tap, int row)
 {
     return planes[tap.plane] + plane_index(row + tap.row, tap.col);

@@ -29,14 +29,38 @@ static void code_bit(struct symbol_coder *coder, entropy_bit_model *model, int32
         *symbol = entropy_take_bit(&coder->decoder, model) ? 0 : SYMBOL_NONE;
 }
 
+/* Whether a row of a plane has data where the one south of it has; the decoder makes it so. */
+static bool repeats(struct symbol_coder *coder, entropy_bit_model *model, int row, int step,
+                    int first_col)
+{
+    const int32_t *south = coder->symbols + (row - 2 * step) * TILE_POSTS;
+    int32_t *here = coder->symbols + row * TILE_POSTS;
+    bool same = true;
+    if (!coder->encoding && !entropy_take_bit(&coder->decoder, model))
+        return false;
+    for (int col = first_col; same && col < TILE_POSTS; col += 2 * step)
+        if (coder->encoding)
+            same = (south[col] == SYMBOL_NONE) == (here[col] == SYMBOL_NONE);
+        else
+            here[col] = south[col] == SYMBOL_NONE ? SYMBOL_NONE : 0;
+    if (coder->encoding)
+        entropy_put_bit(&coder->encoder, model, same);
+    return same;
+}
+
 /* One plane of the grid of every `step`-th post; its posts before in the row and in the column help
  * as well. */
 static bool code_plane(struct symbol_coder *coder, int step, bool odd_row, bool odd_col,
                        bool diagonal)
 {
+    bool repeated = false;
     for (int row = odd_row * step; row < TILE_POSTS; row += 2 * step) {
         if (!symbol_coder_going(coder))
             return false;
+        repeated = row >= 2 * step &&
+                   repeats(coder, &coder->mask_repeats[repeated], row, step, odd_col * step);
+        if (repeated)
+            continue;
         for (int col = odd_col * step; col < TILE_POSTS; col += 2 * step) {
             int32_t *at = coder->symbols + row * TILE_POSTS + col;
             bool before = col < 2 * step || at[-2 * step] != SYMBOL_NONE;

@@ -1,36 +1,73 @@
 #include "terrain/symbol_predict.h"
 
-#include <stdlib.h>
+#include <string.h>
+
+/* Eight posts at a time, anywhere. */
+typedef int32_t lanes __attribute__((vector_size(32), aligned(4), may_alias));
+
+#define LOAD(from) (*(const lanes *)(const void *)(from))
+
+/* Adds |a + b - c - d| in 1/16 step, but at most GRID_ERROR_MAX, times its weight. */
+static inline __attribute__((always_inline)) void add_form(const int32_t *const *taps,
+                                                           int32_t weight, int at, lanes *sum_to)
+{
+    lanes sum = LOAD(taps[0] + at) + LOAD(taps[1] + at) - LOAD(taps[2] + at) - LOAD(taps[3] + at);
+    lanes size = ((sum ^ sum >> 31) - (sum >> 31)) << 4;
+    lanes within = size < GRID_ERROR_MAX;
+    *sum_to += weight * ((size & within) | (~within & GRID_ERROR_MAX));
+}
+
+/* The sums of `count` rows of posts, each times its weight, from the row's place `at` on. */
+static inline __attribute__((always_inline)) void
+add_taps(const int32_t *const *taps, const int16_t *weights, int count, int at, lanes *sums)
+{
+    lanes first = sums[0], second = sums[1], third = sums[2];
+    for (int t = 1; t < count; t++) {
+        const int32_t *from = taps[t] + at;
+        int32_t weight = weights[t];
+        first += weight * LOAD(from);
+        second += weight * LOAD(from + 8);
+        third += weight * LOAD(from + 16);
+    }
+    sums[0] = first;
+    sums[1] = second;
+    sums[2] = third;
+}
+
+static void find_taps(const int32_t (*planes)[PLANE_SIZE], const struct tap *taps, int count,
+                      int row, const int32_t **ret_rows)
+{
+    for (int t = 0; t < count; t++)
+        ret_rows[t] = tap_row(planes, taps[t], row);
+}
 
 CLONES void symbol_predict_row(const struct symbol_grid *grid, enum phase phase, unsigned set,
-                               int row, int count, int32_t *ret_predictions,
-                               int32_t *ret_activities)
+                               int row, struct prediction_row *ret)
 {
     const struct phase_shape *shape = &phase_shapes[phase];
-    for (int i = 0; i < count; i++)
-        ret_predictions[i] = ret_activities[i] = 0;
-    for (int t = 1; t < shape->tap_count; t++) {
-        const int32_t *from = tap_row(grid->value, shape->taps[t], row);
-        int32_t weight = predictor_weights[set][phase][t];
-        for (int i = 0; i < count; i++)
-            ret_predictions[i] += weight * from[i];
+    const int32_t *taps[TAPS_MAX];
+    find_taps(grid->value, shape->taps, shape->tap_count, row, taps);
+    for (int at = 0; at < plane_cols(grid, shape->plane); at += PREDICT_BLOCK) {
+        lanes sums[3] = {0};
+        add_taps(taps, predictor_weights[set][phase], shape->tap_count, at, sums);
+        memcpy(ret->values + at, sums, sizeof(sums));
     }
-    for (int f = 0; f < shape->form_count; f++) {
-        const struct tap *form = shape->forms[f];
-        const int32_t *a = tap_row(grid->value, form[0], row),
-                      *b = tap_row(grid->value, form[1], row),
-                      *c = tap_row(grid->value, form[2], row),
-                      *d = tap_row(grid->value, form[3], row);
-        int32_t weight = form_weights[phase][f];
-        for (int i = 0; i < count; i++) {
-            int32_t size = abs(a[i] + b[i] - c[i] - d[i]) << 4;
-            ret_activities[i] += weight * (size < GRID_ERROR_MAX ? size : GRID_ERROR_MAX);
-        }
-    }
-    for (int t = 1; t < shape->error_count; t++) {
-        const int32_t *from = tap_row(grid->error, shape->errors[t], row);
-        int32_t weight = error_weights[phase][t];
-        for (int i = 0; i < count; i++)
-            ret_activities[i] += weight * from[i];
+}
+
+CLONES void symbol_activity_row(const struct symbol_grid *grid, enum phase phase, int row,
+                                struct prediction_row *ret)
+{
+    const struct phase_shape *shape = &phase_shapes[phase];
+    const int32_t *forms[FORMS_MAX][4], *errors[ERROR_TAPS_MAX];
+    for (int f = 0; f < shape->form_count; f++)
+        find_taps(grid->value, shape->forms[f], 4, row, forms[f]);
+    find_taps(grid->error, shape->errors, shape->error_count, row, errors);
+    for (int at = 0; at < plane_cols(grid, shape->plane); at += PREDICT_BLOCK) {
+        lanes sums[3] = {0};
+        for (int f = 0; f < shape->form_count; f++)
+            for (int i = 0; i < 3; i++)
+                add_form(forms[f], form_weights[phase][f], at + 8 * i, &sums[i]);
+        add_taps(errors, error_weights[phase], shape->error_count, at, sums);
+        memcpy(ret->activities + at, sums, sizeof(sums));
     }
 }

@@ -4,7 +4,7 @@
 #include "terrain/symbol_grid.h"
 
 /* For loops over rows of consecutive posts: the vectoriser does the rest. */
-#define CLONES __attribute__((target_clones("avx2", "default")))
+#define CLONES __attribute__((target_clones("arch=x86-64-v3", "default")))
 
 #define PREDICTOR_SETS 16
 #define PREDICT_BITS   10 /* weights are in 1/1024, and so are predictions in steps */
@@ -14,7 +14,17 @@ extern const int16_t predictor_weights[PREDICTOR_SETS][PHASE_COUNT][TAPS_MAX];
 extern const int16_t form_weights[PHASE_COUNT][FORMS_MAX];       /* in 1/256 */
 extern const int16_t error_weights[PHASE_COUNT][ERROR_TAPS_MAX]; /* in 1/256 */
 
-/* The predictions (1/1024 step) of the first `count` posts of a row of a phase's plane, and their
- * activities (1/4096 step), both less the western post's part. */
+/* Rows are filled in blocks: beyond the last post comes what nobody should read. */
+#define PREDICT_BLOCK 24
+struct prediction_row {
+    int32_t values[PLANE_STRIDE];     /* predictions, 1/1024 step */
+    int32_t activities[PLANE_STRIDE]; /* how far off they may be, 1/4096 step */
+};
+
+/* The predictions of a row of a phase's plane, less the western post's part. */
 void symbol_predict_row(const struct symbol_grid *grid, enum phase phase, unsigned set, int row,
-                        int count, int32_t *ret_predictions, int32_t *ret_activities);
+                        struct prediction_row *ret);
+
+/* The activities, less the western post's part. */
+void symbol_activity_row(const struct symbol_grid *grid, enum phase phase, int row,
+                         struct prediction_row *ret);

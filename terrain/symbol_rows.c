@@ -73,7 +73,7 @@ static inline int32_t take_difference(struct symbol_coder *coder, struct model_c
 
 /* A row of a phase's plane. */
 struct row {
-    int32_t predictions[PLANE_STRIDE], activities[PLANE_STRIDE]; /* less the western post's part */
+    struct prediction_row predicted;
     int32_t west_weight, west_error_weight;
     int32_t *values, *errors, *symbols;
     int count, symbol_step;
@@ -88,7 +88,7 @@ code_row_as(struct symbol_coder *coder, struct row *row, bool encoding, bool mas
     int32_t west = row->values[-1], west_error = row->errors[-1];
     for (int i = 0; i < row->count; i++) {
         int32_t *symbol = row->symbols + i * row->symbol_step;
-        int32_t prediction = row->predictions[i] + row->west_weight * west;
+        int32_t prediction = row->predicted.values[i] + row->west_weight * west;
         int32_t nearest = (prediction + HALF_STEP) >> PREDICT_BITS;
         uint32_t from = (uint32_t)grid->base + ((uint32_t)nearest << grid->shift);
         if (masked && *symbol == SYMBOL_NONE) {
@@ -100,7 +100,7 @@ code_row_as(struct symbol_coder *coder, struct row *row, bool encoding, bool mas
             /* Mirrored where the prediction was rounded up, so that one model serves both. */
             int32_t offset = prediction - (nearest << PREDICT_BITS), flip = offset >> 31;
             struct model_choice choice = model_choose(
-                row->activities[i] + row->west_error_weight * west_error, offset ^ flip);
+                row->predicted.activities[i] + row->west_error_weight * west_error, offset ^ flip);
             if (encoding) {
                 int32_t difference = (int32_t)((uint32_t)*symbol - from);
                 put_difference(coder, choice, (difference ^ flip) - flip);
@@ -123,7 +123,7 @@ static bool is_flat(const struct symbol_grid *grid, const struct row *row)
     for (int i = 0; i < row->count; i++) {
         int32_t symbol = row->symbols[i * row->symbol_step];
         int32_t nearest =
-            (row->predictions[i] + row->west_weight * west + HALF_STEP) >> PREDICT_BITS;
+            (row->predicted.values[i] + row->west_weight * west + HALF_STEP) >> PREDICT_BITS;
         if (symbol == SYMBOL_NONE)
             west = grid_clamped(nearest);
         else if ((uint32_t)symbol != (uint32_t)grid->base + ((uint32_t)nearest << grid->shift))
@@ -148,11 +148,11 @@ static void row_init(struct row *row, struct symbol_coder *coder, enum phase pha
     row->errors = grid->error[plane] + plane_index(index, 0);
     row->west_weight = predictor_weights[coder->set][phase][0];
     row->west_error_weight = error_weights[phase][0];
-    symbol_predict_row(grid, phase, coder->set, index, row->count, row->predictions,
-                       row->activities);
+    symbol_predict_row(grid, phase, coder->set, index, &row->predicted);
+    symbol_activity_row(grid, phase, index, &row->predicted);
     int32_t active = 0;
     for (int i = 0; i < row->count; i++)
-        active |= row->activities[i];
+        active |= row->predicted.activities[i];
     row->flat = false;
     if (active != 0)
         return;
@@ -163,7 +163,7 @@ static void row_init(struct row *row, struct symbol_coder *coder, enum phase pha
         row->flat = entropy_take_bit(&coder->decoder, &coder->flat_rows[phase]);
 }
 
-static void code_row(struct symbol_coder *coder, enum phase phase, int index)
+CLONES static void code_row(struct symbol_coder *coder, enum phase phase, int index)
 {
     struct row row;
     row_init(&row, coder, phase, index);

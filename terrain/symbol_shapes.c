@@ -10,7 +10,7 @@ const struct phase_shape phase_shapes[PHASE_COUNT] =
         [PHASE_CENTRE] =
             {
                 .plane = X,
-                .around = {{K, 0, 0}, {K, 0, 1}, {K, 1, 0}, {K, 1, 1}},
+                .around = {{K, 0, 0}, {K, 1, 1}, {K, 0, 1}, {K, 1, 0}},
                 .tap_count = 20,
                 .taps = {{X, 0, -1}, {K, 0, 0}, {K, 0, 1},   {K, 1, 0},   {K, 1, 1},
                          {K, 0, -1}, {K, 0, 2}, {K, 1, -1},  {K, 1, 2},   {K, -1, 0},
