@@ -116,7 +116,7 @@ static inline bool entropy_take_bit(struct entropy_decoder *decoder, entropy_bit
 }
 
 /* How fast a model follows what comes. */
-#define ENTROPY_RATE 6
+#define ENTROPY_RATE 8
 #define ENTROPY_REST (ENTROPY_TOTAL - ENTROPY_SYMBOLS)
 
 /* Moves the beginnings up to `symbol`'s towards 0, 1, 2 ... and those after it towards the total.

@@ -1,161 +1,73 @@
 #include "terrain/symbol_predict.h"
 
-#include <stdlib.h>
+#include <string.h>
 
-#define K PLANE_KNOWN
-#define X PLANE_CENTRE
-#define R PLANE_ROW
-#define C PLANE_COLUMN
+/* Eight posts at a time, anywhere. */
+typedef int32_t lanes __attribute__((vector_size(32), aligned(4), may_alias));
 
-const struct phase_shape phase_shapes[PHASE_COUNT] =
-    {
-        [PHASE_CENTRE] =
-            {
-                .plane = X,
-                .around = {{K, 0, 0}, {K, 0, 1}, {K, 1, 0}, {K, 1, 1}},
-                .tap_count = 20,
-                .taps = {{X, 0, -1}, {K, 0, 0}, {K, 0, 1},   {K, 1, 0},   {K, 1, 1},
-                         {K, 0, -1}, {K, 0, 2}, {K, 1, -1},  {K, 1, 2},   {K, -1, 0},
-                         {K, -1, 1}, {K, 2, 0}, {K, 2, 1},   {K, -1, -1}, {K, -1, 2},
-                         {K, 2, -1}, {K, 2, 2}, {X, -1, -1}, {X, -1, 0},  {X, -1, 1}},
-                .form_count = 5,
-                .forms = {{{K, 0, 0}, {K, 1, 1}, {K, 0, 1}, {K, 1, 0}},
-                          {{K, 0, 0}, {K, 0, 0}, {K, 1, 1}, {K, 1, 1}},
-                          {{K, 0, 1}, {K, 0, 1}, {K, 1, 0}, {K, 1, 0}},
-                          {{K, 0, -1}, {K, 1, 2}, {K, 0, 0}, {K, 1, 1}},
-                          {{K, -1, 1}, {K, 2, 0}, {K, 0, 1}, {K, 1, 0}}},
-                .error_count = 5,
-                .errors = {{X, 0, -1}, {X, -1, 0}, {X, -1, -1}, {X, -1, 1}, {X, -2, 0}},
-            },
-        [PHASE_ROW] =
-            {
-                .plane = R,
-                .around = {{K, 0, 0}, {K, 1, 0}, {X, 0, -1}, {X, 0, 0}},
-                .tap_count = 20,
-                .taps = {{R, 0, -1}, {K, 0, 0},  {K, 1, 0},   {X, 0, -1},  {X, 0, 0},
-                         {K, 0, -1}, {K, 0, 1},  {K, 1, -1},  {K, 1, 1},   {K, -1, 0},
-                         {K, 2, 0},  {X, 0, -2}, {X, 0, 1},   {X, -1, -1}, {X, -1, 0},
-                         {X, 1, -1}, {X, 1, 0},  {R, -1, -1}, {R, -1, 0},  {R, -1, 1}},
-                .form_count = 3,
-                .forms = {{{K, 0, 0}, {K, 1, 0}, {X, 0, -1}, {X, 0, 0}},
-                          {{K, 0, 0}, {K, 0, 0}, {K, 1, 0}, {K, 1, 0}},
-                          {{X, 0, -1}, {X, 0, -1}, {X, 0, 0}, {X, 0, 0}}},
-                .error_count = 10,
-                .errors = {{R, 0, -1},
-                           {X, 0, -1},
-                           {X, 0, 0},
-                           {X, -1, -1},
-                           {X, -1, 0},
-                           {X, 1, -1},
-                           {X, 1, 0},
-                           {R, -1, 0},
-                           {R, -1, -1},
-                           {R, -1, 1}},
-            },
-        [PHASE_COLUMN] =
-            {
-                .plane = C,
-                .around = {{K, 0, 0}, {K, 0, 1}, {X, -1, 0}, {X, 0, 0}},
-                .tap_count = 24,
-                .taps = {{C, 0, -1}, {K, 0, 0},   {K, 0, 1},  {X, -1, 0}, {X, 0, 0}, {K, -1, 0},
-                         {K, 1, 0},  {K, -1, 1},  {K, 1, 1},  {K, 0, -1}, {K, 0, 2}, {X, -2, 0},
-                         {X, 1, 0},  {X, -1, -1}, {X, 0, -1}, {X, -1, 1}, {X, 0, 1}, {C, -1, -1},
-                         {C, -1, 0}, {C, -1, 1},  {R, -1, 0}, {R, -1, 1}, {R, 0, 0}, {R, 0, 1}},
-                .form_count = 3,
-                .forms = {{{K, 0, 0}, {K, 0, 1}, {X, -1, 0}, {X, 0, 0}},
-                          {{X, -1, 0}, {X, -1, 0}, {X, 0, 0}, {X, 0, 0}},
-                          {{K, 0, 0}, {K, 0, 0}, {K, 0, 1}, {K, 0, 1}}},
-                .error_count = 10,
-                .errors = {{C, 0, -1},
-                           {X, -1, 0},
-                           {X, 0, 0},
-                           {R, -1, 0},
-                           {R, -1, 1},
-                           {R, 0, 0},
-                           {R, 0, 1},
-                           {C, -1, 0},
-                           {C, -1, -1},
-                           {C, -1, 1}},
-            },
-        [PHASE_ROW_ONLY] =
-            {
-                .plane = R,
-                .around = {{K, 0, 0}, {K, 1, 0}, {K, 0, 0}, {K, 1, 0}},
-                .tap_count = 5,
-                .taps = {{R, 0, -1}, {K, 0, 0}, {K, 1, 0}, {K, -1, 0}, {K, 2, 0}},
-                .form_count = 2,
-                .forms = {{{K, 0, 0}, {K, 1, 0}, {K, -1, 0}, {K, 2, 0}},
-                          {{K, 0, 0}, {K, 0, 0}, {K, 1, 0}, {K, 1, 0}}},
-                .error_count = 2,
-                .errors = {{R, 0, -1}, {R, -1, 0}},
-            },
-        [PHASE_CENTRE_LAST] =
-            {
-                .plane = X,
-                .around = {{C, 0, 0}, {C, 1, 0}, {C, 0, 0}, {C, 1, 0}},
-                .tap_count = 5,
-                .taps = {{X, 0, -1}, {C, 0, 0}, {C, 1, 0}, {C, -1, 0}, {C, 2, 0}},
-                .form_count = 2,
-                .forms = {{{C, 0, 0}, {C, 1, 0}, {R, 0, 0}, {R, 0, 1}},
-                          {{C, 0, 0}, {C, 0, 0}, {C, 1, 0}, {C, 1, 0}}},
-                .error_count = 4,
-                .errors = {{X, 0, -1}, {X, -1, 0}, {R, 0, 0}, {R, 0, 1}},
-            },
-};
+#define LOAD(from) (*(const lanes *)(const void *)(from))
 
-/* The loops below run over rows of consecutive posts: the vectoriser does the rest. */
-#define CLONES __attribute__((target_clones("avx2", "default")))
-
-static inline const int32_t *at(const int32_t (*planes)[PLANE_ROWS * PLANE_STRIDE], struct tap tap,
-                                int row)
+/* Adds |a + b - c - d| in 1/16 step, but at most GRID_ERROR_MAX, times its weight. */
+static inline __attribute__((always_inline)) void add_form(const int32_t *const *taps,
+                                                           int32_t weight, int at, lanes *sum_to)
 {
-    return planes[tap.plane] + plane_index(row + tap.row, tap.col);
+    lanes sum = LOAD(taps[0] + at) + LOAD(taps[1] + at) - LOAD(taps[2] + at) - LOAD(taps[3] + at);
+    lanes size = ((sum ^ sum >> 31) - (sum >> 31)) << 4;
+    lanes within = size < GRID_ERROR_MAX;
+    *sum_to += weight * ((size & within) | (~within & GRID_ERROR_MAX));
+}
+
+/* The sums of `count` rows of posts, each times its weight, from the row's place `at` on. */
+static inline __attribute__((always_inline)) void
+add_taps(const int32_t *const *taps, const int16_t *weights, int count, int at, lanes *sums)
+{
+    lanes first = sums[0], second = sums[1], third = sums[2];
+    for (int t = 1; t < count; t++) {
+        const int32_t *from = taps[t] + at;
+        int32_t weight = weights[t];
+        first += weight * LOAD(from);
+        second += weight * LOAD(from + 8);
+        third += weight * LOAD(from + 16);
+    }
+    sums[0] = first;
+    sums[1] = second;
+    sums[2] = third;
+}
+
+static void find_taps(const int32_t (*planes)[PLANE_SIZE], const struct tap *taps, int count,
+                      int row, const int32_t **ret_rows)
+{
+    for (int t = 0; t < count; t++)
+        ret_rows[t] = tap_row(planes, taps[t], row);
 }
 
 CLONES void symbol_predict_row(const struct symbol_grid *grid, enum phase phase, unsigned set,
-                               int row, int count, int32_t *ret_predictions,
-                               int32_t *ret_activities)
+                               int row, struct prediction_row *ret)
 {
     const struct phase_shape *shape = &phase_shapes[phase];
-    for (int i = 0; i < count; i++)
-        ret_predictions[i] = ret_activities[i] = 0;
-    for (int t = 1; t < shape->tap_count; t++) {
-        const int32_t *from = at(grid->value, shape->taps[t], row);
-        int32_t weight = predictor_weights[set][phase][t];
-        for (int i = 0; i < count; i++)
-            ret_predictions[i] += weight * from[i];
-    }
-    for (int f = 0; f < shape->form_count; f++) {
-        const struct tap *form = shape->forms[f];
-        const int32_t *a = at(grid->value, form[0], row), *b = at(grid->value, form[1], row),
-                      *c = at(grid->value, form[2], row), *d = at(grid->value, form[3], row);
-        int32_t weight = form_weights[phase][f];
-        for (int i = 0; i < count; i++) {
-            int32_t size = abs(a[i] + b[i] - c[i] - d[i]) << 4;
-            ret_activities[i] += weight * (size < GRID_ERROR_MAX ? size : GRID_ERROR_MAX);
-        }
-    }
-    for (int t = 1; t < shape->error_count; t++) {
-        const int32_t *from = at(grid->error, shape->errors[t], row);
-        int32_t weight = error_weights[phase][t];
-        for (int i = 0; i < count; i++)
-            ret_activities[i] += weight * from[i];
+    const int32_t *taps[TAPS_MAX];
+    find_taps(grid->value, shape->taps, shape->tap_count, row, taps);
+    for (int at = 0; at < plane_cols(grid, shape->plane); at += PREDICT_BLOCK) {
+        lanes sums[3] = {0};
+        add_taps(taps, predictor_weights[set][phase], shape->tap_count, at, sums);
+        memcpy(ret->values + at, sums, sizeof(sums));
     }
 }
 
-void symbol_fill_margin(struct symbol_grid *grid, enum phase phase)
+CLONES void symbol_activity_row(const struct symbol_grid *grid, enum phase phase, int row,
+                                struct prediction_row *ret)
 {
     const struct phase_shape *shape = &phase_shapes[phase];
-    int margin = shape->plane == PLANE_CENTRE ? 2 : 1;
-    int rows = plane_rows(grid, shape->plane), cols = plane_cols(grid, shape->plane);
-    for (int row = -margin; row < rows + margin; row++) {
-        int32_t *to = grid->value[shape->plane] + plane_index(row, 0);
-        const int32_t *a = at(grid->value, shape->around[0], row),
-                      *b = at(grid->value, shape->around[1], row),
-                      *c = at(grid->value, shape->around[2], row),
-                      *d = at(grid->value, shape->around[3], row);
-        for (int col = -margin; col < cols + margin; col++)
-            if (row < 0 || row >= rows || col < 0 || col >= cols)
-                to[col] = (a[col] + b[col] + c[col] + d[col] + 2) >> 2;
+    const int32_t *forms[FORMS_MAX][4], *errors[ERROR_TAPS_MAX];
+    for (int f = 0; f < shape->form_count; f++)
+        find_taps(grid->value, shape->forms[f], 4, row, forms[f]);
+    find_taps(grid->error, shape->errors, shape->error_count, row, errors);
+    for (int at = 0; at < plane_cols(grid, shape->plane); at += PREDICT_BLOCK) {
+        lanes sums[3] = {0};
+        for (int f = 0; f < shape->form_count; f++)
+            for (int i = 0; i < 3; i++)
+                add_form(forms[f], form_weights[phase][f], at + 8 * i, &sums[i]);
+        add_taps(errors, error_weights[phase], shape->error_count, at, sums);
+        memcpy(ret->activities + at, sums, sizeof(sums));
     }
 }
