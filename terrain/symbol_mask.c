@@ -1,9 +1,14 @@
 #include "terrain/symbol_coder.h"
 
-/* How many of the four nearest posts that are known have data; beyond the tile the
- * one on the other side counts twice. */
-static int data_around(const struct symbol_coder *coder, int row, int col, int step, bool diagonal)
+/* Where the nearest posts lie that are known. */
+enum around { AROUND_CROSS, AROUND_DIAGONAL, AROUND_COLUMN };
+
+/* How many of the four nearest posts that are known have data; beyond the tile, and where only
+ * those south and north are known, the one on the other side or the same one counts twice. */
+static int data_around(const struct symbol_coder *coder, int row, int col, int step,
+                       enum around around)
 {
+    bool diagonal = around == AROUND_DIAGONAL, column = around == AROUND_COLUMN;
     int south = row >= step ? row - step : row + step;
     int north = row + step < TILE_POSTS ? row + step : row - step;
     int west = col >= step ? col - step : col + step;
@@ -12,8 +17,8 @@ static int data_around(const struct symbol_coder *coder, int row, int col, int s
     int places[4] = {
         south * TILE_POSTS + (diagonal ? west : col),
         north * TILE_POSTS + (diagonal ? east : col),
-        (diagonal ? south : row) * TILE_POSTS + east,
-        (diagonal ? north : row) * TILE_POSTS + west,
+        (diagonal || column ? south : row) * TILE_POSTS + (column ? col : east),
+        (diagonal || column ? north : row) * TILE_POSTS + (column ? col : west),
     };
     int count = 0;
     for (int i = 0; i < 4; i++)
@@ -51,7 +56,7 @@ static bool repeats(struct symbol_coder *coder, entropy_bit_model *model, int ro
 /* One plane of the grid of every `step`-th post; its posts before in the row and in the column help
  * as well. */
 static bool code_plane(struct symbol_coder *coder, int step, bool odd_row, bool odd_col,
-                       bool diagonal)
+                       enum around near)
 {
     bool repeated = false;
     for (int row = odd_row * step; row < TILE_POSTS; row += 2 * step) {
@@ -65,7 +70,7 @@ static bool code_plane(struct symbol_coder *coder, int step, bool odd_row, bool 
             int32_t *at = coder->symbols + row * TILE_POSTS + col;
             bool before = col < 2 * step || at[-2 * step] != SYMBOL_NONE;
             bool below = row < 2 * step || at[-2 * step * TILE_POSTS] != SYMBOL_NONE;
-            int around = data_around(coder, row, col, step, diagonal);
+            int around = data_around(coder, row, col, step, near);
             code_bit(coder, &coder->mask[around * 4 + before * 2 + below], at);
         }
     }
@@ -74,15 +79,16 @@ static bool code_plane(struct symbol_coder *coder, int step, bool odd_row, bool 
 
 static bool code_grid(struct symbol_coder *coder, int step)
 {
-    return code_plane(coder, step, true, true, true) &&
-           code_plane(coder, step, true, false, false) &&
-           code_plane(coder, step, false, true, false);
+    return code_plane(coder, step, true, true, AROUND_DIAGONAL) &&
+           code_plane(coder, step, true, false, AROUND_CROSS) &&
+           code_plane(coder, step, false, true, AROUND_CROSS);
 }
 
 bool symbol_code_mask(struct symbol_coder *coder, const struct tile_parent *parent)
 {
     if (parent && parent->same_columns)
-        return code_plane(coder, 1, true, false, false) && code_plane(coder, 1, true, true, false);
+        return code_plane(coder, 1, true, false, AROUND_COLUMN) &&
+               code_plane(coder, 1, true, true, AROUND_CROSS);
     if (parent)
         return code_grid(coder, 1);
     for (int corner = 0; corner < 4; corner++) {
