@@ -132,8 +132,8 @@ int clipmap_pass_create(const struct clipmap_shape *shape, const struct gl_facts
         return r;
     }
     pass->heights = create_array(shape, clipmap_storage(shape), GL_RG32F, GL_NEAREST);
-    pass->surfaces = create_array(shape, 2 * clipmap_storage(shape), GL_RGBA16F, GL_LINEAR);
-    pass->ground = ground_texture_create();
+    pass->surfaces = create_array(shape, 2 * clipmap_storage(shape), GL_RGBA8, GL_LINEAR);
+    pass->ground = ground_texture_create(facts->software);
     create_block_buffer(pass);
     *ret_pass = pass;
     return 0;
@@ -202,7 +202,7 @@ static void upload_strip(struct clipmap_pass *pass, const struct loader_strip *s
         .level = strip->level,
         .rect = strip->half_posts,
         .format = GL_RGBA,
-        .type = GL_HALF_FLOAT,
+        .type = GL_UNSIGNED_BYTE,
         .offset = loader_surfaces_offset(&pass->shape) +
                   strip->surface_offset * sizeof(struct loader_surface),
         .pixel_bytes = sizeof(struct loader_surface),

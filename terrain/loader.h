@@ -24,11 +24,15 @@ struct loader_height {
     float own_m, coarser_m;
 };
 
-/* The ground as the surface texture holds it, twice as densely as the posts; IEEE half floats. */
+/* The ground as the surface texture holds it, twice as densely as the posts. A slope s (metres a
+ * metre) is 128 + 127 sqrt(|s| / SURFACE_STEEPEST) with the sign of s: finest where land is flat.
+ */
+#define SURFACE_STEEPEST 4.0f
+
 struct loader_surface {
-    uint16_t slope_east, slope_north; /* metres a metre */
-    uint16_t water;                   /* 0 land .. 1 water */
-    uint16_t altitude;                /* above the geoid, km */
+    uint8_t slope_east, slope_north;
+    uint8_t water; /* 0 land .. 255 water */
+    uint8_t unused;
 };
 
 /* What a level gained, to be copied into its toroidal storages; both rectangles row-major. */

@@ -102,8 +102,12 @@ static struct lattice lattice_of(int octave, int band)
     };
 }
 
-static void evaluate_octave(const struct lattice *l, const double *restrict x, double y, int count,
-                            const struct chain *restrict chain, struct octave *restrict ret)
+/* Into planet_noise_row, so that its wider vectors are theirs. */
+#define INLINED inline __attribute__((always_inline))
+
+static INLINED void evaluate_octave(const struct lattice *l, const double *restrict x, double y,
+                                    int count, const struct chain *restrict chain,
+                                    struct octave *restrict ret)
 {
     for (int j = 0; j < count; j++) {
         double px = x[j] + (double)chain->shift_x[j], py = y + (double)chain->shift_y[j];
@@ -144,8 +148,8 @@ static void evaluate_octave(const struct lattice *l, const double *restrict x, d
 }
 
 /* All octaves, as hills, and what they push the coarse grid aside. */
-static void add_hills(const struct octave *restrict o, int count, int octave, float shown,
-                      float share, struct planet_noise *restrict ret)
+static INLINED void add_hills(const struct octave *restrict o, int count, int octave, float shown,
+                              float share, struct planet_noise *restrict ret)
 {
     const float *aside = bend_directions[octave & 3];
     float bend = octave < COARSE_BENDERS ? COARSE_BEND * share / (float)(1 << octave) : 0.0f;
@@ -158,8 +162,8 @@ static void add_hills(const struct octave *restrict o, int count, int octave, fl
 
 /* The first octave makes no ridges, for the coarse grid has the great ones: it lifts some of them
  * over others and swirls those to come. */
-static void begin_ridges(const struct octave *restrict o, int count, float share,
-                         struct chain *restrict chain, struct planet_noise *restrict ret)
+static INLINED void begin_ridges(const struct octave *restrict o, int count, float share,
+                                 struct chain *restrict chain, struct planet_noise *restrict ret)
 {
     for (int j = 0; j < count; j++) {
         ret->ridged[j] += FIRST_LIFT * share * o->value[j];
@@ -168,8 +172,9 @@ static void begin_ridges(const struct octave *restrict o, int count, float share
     }
 }
 
-static void add_ridges(const struct octave *restrict o, int count, int octave, float shown,
-                       float share, struct chain *restrict chain, struct planet_noise *restrict ret)
+static INLINED void add_ridges(const struct octave *restrict o, int count, int octave, float shown,
+                               float share, struct chain *restrict chain,
+                               struct planet_noise *restrict ret)
 {
     float cell = 1.0f / (float)(1 << octave);
     float ridge_bend = RIDGE_BEND * cell * share;
