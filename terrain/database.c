@@ -126,6 +126,11 @@ const struct grid *database_grid(const struct database *database)
     return &database->grid;
 }
 
+const char *database_path(const struct database *database)
+{
+    return database->path;
+}
+
 int database_top_level(const struct database *database)
 {
     return database->top_level;

@@ -34,6 +34,9 @@ void database_close(struct database *database);
 /* Borrowed; lives as long as the database. */
 const struct grid *database_grid(const struct database *database);
 
+/* The file that it was opened as; borrowed. */
+const char *database_path(const struct database *database);
+
 /* The coarsest level that has tiles. */
 int database_top_level(const struct database *database);
 

@@ -50,17 +50,21 @@ struct terrain_grid level_store_grid(const struct level_store *store, struct cli
     };
 }
 
-void level_store_put(struct level_store *store, struct clipmap_rect rect, const float *altitude_m,
+bool level_store_put(struct level_store *store, struct clipmap_rect rect, const float *altitude_m,
                      const float *undulation_m, const bool *water)
 {
+    bool changed = false;
     for (int r = 0; r < rect.rows; r++) {
         for (int c = 0; c < rect.cols; c++) {
             size_t at = index_of(store, rect.row0 + r, rect.col0 + c);
             size_t from = (size_t)r * (size_t)rect.cols + (size_t)c;
-            store->height_m[at] = altitude_m[from] + undulation_m[from];
+            float height_m = altitude_m[from] + undulation_m[from];
+            changed |= store->height_m[at] != height_m || store->water[at] != water[from];
+            store->height_m[at] = height_m;
             store->water[at] = water[from];
         }
     }
+    return changed;
 }
 
 struct clipmap_rect level_store_grown(const struct level_store *store, struct clipmap_rect rect)

@@ -1,0 +1,81 @@
+#include "terrain/tile_make.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+
+#include "terrain/height_step.h"
+
+/* Between two posts of the parent: `twice` is a post's position in half cells of the parent. */
+static float halfway(const float *at, int stride, int twice)
+{
+    float here = at[twice / 2 * stride];
+    return twice % 2 == 0 ? here : 0.5f * (here + at[(twice / 2 + 1) * stride]);
+}
+
+void tile_make_coarse(const struct grid *grid, struct tile_id id, const struct tile_content *parent,
+                      struct tile_content *content)
+{
+    struct tile_id up = grid_parent(grid, id);
+    bool same = grid_lon_shift(grid, id.level, id.row) == grid_lon_shift(grid, up.level, up.row);
+    int first_row = (int)(id.row - 2 * (int64_t)up.row) * TILE_CELLS;
+    int first_col = same ? (int)(id.col - 2 * (int64_t)up.col) * TILE_CELLS : 0;
+    content->present = false;
+    if (!parent->present)
+        return;
+    for (int row = 0; row < TILE_POSTS; row++)
+        for (int col = 0; col < TILE_POSTS; col++) {
+            int twice_row = first_row + row, twice_col = same ? first_col + col : 2 * col;
+            const float *line = parent->heights_m + twice_row / 2 * TILE_POSTS;
+            float height_m = halfway(line, 1, twice_col);
+            if (twice_row % 2)
+                height_m = 0.5f * (height_m + halfway(line + TILE_POSTS, 1, twice_col));
+            content->heights_m[row * TILE_POSTS + col] = height_m;
+            content->present |= !isnan(height_m);
+        }
+}
+
+/* The parent's symbols come back from its heights. `symbols` has room for both. */
+static int decode(struct database *database, const struct tile_record *record, const float *parent,
+                  int32_t *symbols, float *ret_heights_m)
+{
+    double step_m = database_step_m(database);
+    int32_t *of_parent = parent ? symbols + TILE_POST_COUNT : NULL;
+    if (parent)
+        symbols_from_heights(parent, TILE_POST_COUNT, step_m, of_parent);
+    int r = tile_record_decode(record, database_grid(database), of_parent, symbols, NULL);
+    if (r == 0)
+        heights_from_symbols(symbols, TILE_POST_COUNT, step_m, ret_heights_m);
+    return r;
+}
+
+static int read_tile(struct database *database, struct tile_id id, const float *parent,
+                     struct tile_content *content)
+{
+    int32_t *symbols = malloc(2 * TILE_POST_COUNT * sizeof(*symbols));
+    struct tile_record record = {.payload_size = 0};
+    int r = symbols ? database_read_record(database, id, &record, NULL) : -ENOMEM;
+    if (r == 0)
+        r = decode(database, &record, parent, symbols, content->heights_m);
+    content->children = r == 0 ? record.children : 0;
+    tile_record_finish(&record);
+    free(symbols);
+    return r;
+}
+
+void tile_make(struct database *database, struct tile_id id, const struct tile_content *parent,
+               struct tile_content *content)
+{
+    const struct grid *grid = database_grid(database);
+    bool expected = parent && parent->status == 0 && parent->children & tile_child_bit(grid, id);
+    content->children = 0;
+    content->status = !parent || expected
+                          ? read_tile(database, id, parent ? parent->heights_m : NULL, content)
+                      : parent->status < 0 ? parent->status
+                                           : DATABASE_ABSENT;
+    if (expected && content->status == DATABASE_ABSENT)
+        content->status = -EBADMSG; /* the parent says that it is there */
+    content->present = content->status == 0;
+    if (!content->present && parent)
+        tile_make_coarse(grid, id, parent, content);
+}
