@@ -102,15 +102,15 @@ static struct lattice lattice_of(int octave, int band)
     };
 }
 
-/* Into planet_noise_row, so that its wider vectors are theirs. */
+/* Into planet_noise_at, so that its wider vectors are theirs. */
 #define INLINED inline __attribute__((always_inline))
 
-static INLINED void evaluate_octave(const struct lattice *l, const double *restrict x, double y,
-                                    int count, const struct chain *restrict chain,
-                                    struct octave *restrict ret)
+static INLINED void evaluate_octave(const struct lattice *l, const double *restrict x,
+                                    const double *restrict y, int count,
+                                    const struct chain *restrict chain, struct octave *restrict ret)
 {
     for (int j = 0; j < count; j++) {
-        double px = x[j] + (double)chain->shift_x[j], py = y + (double)chain->shift_y[j];
+        double px = x[j] + (double)chain->shift_x[j], py = y[j] + (double)chain->shift_y[j];
         double u = l->scale * (px + l->turn * py) + l->offset_u;
         double v = l->scale * (py - l->turn * px) + l->lift;
         int32_t iu = (int32_t)u, iv = (int32_t)v;
@@ -200,8 +200,8 @@ static INLINED void add_ridges(const struct octave *restrict o, int count, int o
 #else
 #define WIDE
 #endif
-WIDE void planet_noise_row(const double *x, double y, int count, int band,
-                           const struct planet_noise_filter *filter, struct planet_noise *ret)
+WIDE void planet_noise_at(const double *x, const double *y, int count, int band,
+                          const struct planet_noise_filter *filter, struct planet_noise *ret)
 {
     struct chain chain;
     struct octave octave;

@@ -8,6 +8,8 @@
 
 #define SEA_LEVEL_M   0.01f  /* sources have the sea at 0 */
 #define SHALLOW_M     -20.0f /* lower ground is taken for land, such as the Dead Sea's shores */
+#define GEOID_STRIDE  16     /* half-posts */
+#define GEOID_COLUMNS 80     /* enough for the widest window */
 #define LATE_SIDE     64     /* half-posts a side of what is sampled again by itself */
 #define REFRESH_PARTS (LOADER_MAX_STRIPS / 2) /* each may need a strip of the finer level, too */
 
@@ -86,17 +88,59 @@ static void settle_ground(struct window_filler *filler, const struct terrain_gri
     }
 }
 
+/* The undulation at a post of a grid. */
+static float undulation_at(const struct window_filler *filler, const struct terrain_grid *grid,
+                           int64_t row, int64_t col)
+{
+    double lat = fmin(fmax((double)row * grid->lat_step_deg, -90.0), 90.0);
+    double lon = longitude_normalised_deg((double)col * grid->lon_step_deg);
+    return (float)geoid_undulation_m(filler->geoid, lat, lon);
+}
+
+static float between(float a, float b, int i)
+{
+    return a + (b - a) * ((float)i * (1.0f / GEOID_STRIDE));
+}
+
+/* On fine grids the geoid is taken every GEOID_STRIDE posts, counted from the equator and Greenwich
+ * whatever the rectangle, and is linear between: a square of 0.02 degrees, in which it bends by
+ * less than a millimetre. */
+static void sample_fine_undulation(struct window_filler *filler, const struct terrain_grid *grid)
+{
+    int64_t west = grid->col0 & ~(int64_t)(GEOID_STRIDE - 1), held = INT64_MIN;
+    int first = (int)(grid->col0 - west), count = (first + grid->cols - 1) / GEOID_STRIDE + 2;
+    float south[GEOID_COLUMNS], north[GEOID_COLUMNS];
+    assert(count <= GEOID_COLUMNS);
+    for (int r = 0; r < grid->rows; r++) {
+        int64_t row = grid->row0 + r, lower = row & ~(int64_t)(GEOID_STRIDE - 1);
+        float *out = filler->undulation_m + (size_t)r * (size_t)grid->cols;
+        for (int i = 0; i < count && lower != held; i++) {
+            int64_t col = west + (int64_t)i * GEOID_STRIDE;
+            south[i] = undulation_at(filler, grid, lower, col);
+            north[i] = undulation_at(filler, grid, lower + GEOID_STRIDE, col);
+        }
+        held = lower;
+        for (int c = 0; c < grid->cols; c++) {
+            int i = (first + c) / GEOID_STRIDE, j = (first + c) % GEOID_STRIDE;
+            float w = between(south[i], north[i], (int)(row - lower));
+            float e = between(south[i + 1], north[i + 1], (int)(row - lower));
+            out[c] = between(w, e, j);
+        }
+    }
+}
+
 static void sample_undulation(struct window_filler *filler, const struct terrain_grid *grid)
 {
-    float *out = filler->undulation_m;
-    for (int r = 0; r < grid->rows; r++) {
-        double lat = fmin(fmax((double)(grid->row0 + r) * grid->lat_step_deg, -90.0), 90.0);
-        for (int c = 0; c < grid->cols; c++) {
-            double lon = (double)(grid->col0 + c) * grid->lon_step_deg;
-            *out++ = filler->geoid ? (float)geoid_undulation_m(filler->geoid, lat,
-                                                               longitude_normalised_deg(lon))
-                                   : 0.0f;
-        }
+    size_t count = (size_t)grid->rows * (size_t)grid->cols;
+    if (!filler->geoid) {
+        memset(filler->undulation_m, 0, count * sizeof(float));
+    } else if (fmax(grid->lat_step_deg, grid->lon_step_deg) * GEOID_STRIDE <= 0.02) {
+        sample_fine_undulation(filler, grid);
+    } else {
+        for (size_t i = 0; i < count; i++)
+            filler->undulation_m[i] =
+                undulation_at(filler, grid, grid->row0 + (int64_t)(i / (size_t)grid->cols),
+                              grid->col0 + (int64_t)(i % (size_t)grid->cols));
     }
 }
 
