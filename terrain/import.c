@@ -219,6 +219,39 @@ static bool part_exists(const struct import_job *job)
     return access(path, F_OK) == 0;
 }
 
+static void remove_part(struct import_job *job)
+{
+    char path[DATABASE_NAME_MAX + 32];
+    part_path(job->params->database, path, sizeof(path));
+    database_close(job->part);
+    job->part = NULL;
+    unlink(path);
+    snprintf(path, sizeof(path), "%s" DATABASE_PART_SUFFIX "-wal", job->params->database);
+    unlink(path);
+}
+
+/* An earlier try may have come to its end but for the removal of its part. */
+static int drop_finished_part(struct import_job *job, struct diag *diag)
+{
+    char path[DATABASE_NAME_MAX + 16];
+    struct database_params found, made;
+    struct database *part = NULL;
+    part_path(job->params->database, path, sizeof(path));
+    if (!job->old || access(path, F_OK) < 0)
+        return 0;
+    int r = database_open_part(path, &part, diag);
+    if (r == 0)
+        r = database_get_params(part, &found, diag);
+    if (r == 0)
+        r = database_get_params(job->old, &made, diag);
+    job->part = part;
+    if (r == 0 && strcmp(found.import, made.import) == 0)
+        remove_part(job);
+    database_close(job->part);
+    job->part = NULL;
+    return r;
+}
+
 /* The part that an earlier try left, if it is one of this import. */
 static int open_part(struct import_job *job, struct diag *diag)
 {
@@ -315,17 +348,6 @@ static int sample(struct import_job *job, struct pyramid_params *pyramid, struct
     return r;
 }
 
-static void remove_part(struct import_job *job)
-{
-    char path[DATABASE_NAME_MAX + 32];
-    part_path(job->params->database, path, sizeof(path));
-    database_close(job->part);
-    job->part = NULL;
-    unlink(path);
-    snprintf(path, sizeof(path), "%s" DATABASE_PART_SUFFIX "-wal", job->params->database);
-    unlink(path);
-}
-
 /* All levels, then the database in place of the old one. */
 static int finish(struct import_job *job, struct pyramid_params *pyramid, struct diag *diag)
 {
@@ -384,6 +406,8 @@ static int run(struct import_job *job, struct diag *diag)
     int r = import_list_sources(job, diag);
     if (r == 0)
         r = open_old(job, diag);
+    if (r == 0)
+        r = drop_finished_part(job, diag);
     if (r < 0)
         return r;
     drop_twins(job);

@@ -42,7 +42,6 @@ static inline float whole_metres_m(double lat_deg, double lon_deg)
     return nearbyintf(surface_m(lat_deg, lon_deg));
 }
 
-
 typedef float (*surface)(double, double);
 
 /* Data exists inside a rectangle only; every tile that has a post in it exists. */
