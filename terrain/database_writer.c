@@ -110,36 +110,40 @@ static void remove_file(const char *path)
     }
 }
 
+/* All that a part has from the beginning, in a file that is then closed. */
+static int make_part(struct database *database, const struct database_params *params,
+                     const struct database_import *imports, size_t count, struct diag *diag)
+{
+    int r = database_make(database, "PRAGMA page_size=4096", DATABASE_PART_ID, params, diag);
+    if (r == 0)
+        r = database_sql_run(database, "CREATE TABLE done(work INTEGER PRIMARY KEY)", diag);
+    if (r == 0)
+        r = database_set_imports(database, imports, count, diag);
+    if (r == 0)
+        r = database_seal_meta(database, diag);
+    return r == 0 ? database_commit(database, diag) : r;
+}
+
 int database_create_part(const char *path, const struct database_params *params,
+                         const struct database_import *imports, size_t count,
                          struct database **ret_database, struct diag *diag)
 {
-    if (strlen(path) >= DATABASE_NAME_MAX)
+    char made[DATABASE_NAME_MAX];
+    if (strlen(path) + 8 >= DATABASE_NAME_MAX)
         return diag_set(diag, -ENAMETOOLONG, "%s: the name is too long", path);
     struct database *database = calloc(1, sizeof(*database));
     if (!database)
         return -ENOMEM;
-    snprintf(database->path, sizeof(database->path), "%s", path);
-    int r = database_make(database,
-                          "PRAGMA page_size=4096; PRAGMA journal_mode=WAL;"
-                          "PRAGMA synchronous=NORMAL; PRAGMA cache_size=-16384",
-                          DATABASE_PART_ID, params, diag);
-    bool made = r != -EEXIST;
-    if (r == 0)
-        r = database_sql_run(database, "CREATE TABLE done(work INTEGER PRIMARY KEY)", diag);
-    if (r == 0)
-        r = database_seal_meta(database, diag);
-    if (r == 0)
-        r = database_commit(database, diag);
-    if (r == 0)
-        r = database_load_meta(database, diag);
-    if (r == 0) {
-        *ret_database = database;
-        return 0;
-    }
+    snprintf(made, sizeof(made), "%.*s.new", DATABASE_NAME_MAX - 8, path);
+    snprintf(database->path, sizeof(database->path), "%s", made);
+    remove_file(made);
+    int r = make_part(database, params, imports, count, diag);
     database_close(database);
-    if (made)
-        remove_file(path);
-    return r;
+    /* Under its name a part is whole from the first moment. */
+    if (r == 0 && link(made, path) < 0)
+        r = diag_set(diag, -errno, "%s: %s", path, strerror(errno));
+    remove_file(made);
+    return r == 0 ? database_open_part(path, ret_database, diag) : r;
 }
 
 int database_open_part(const char *path, struct database **ret_database, struct diag *diag)
@@ -264,11 +268,6 @@ int database_mark_done(struct database *database, int64_t work, struct diag *dia
 int database_is_done(struct database *database, int64_t work, struct diag *diag)
 {
     return run_with_number(database, "SELECT 1 FROM done WHERE work = ?1", work, diag);
-}
-
-int database_seal(struct database *database, struct diag *diag)
-{
-    return database_seal_meta(database, diag);
 }
 
 int database_fold_journal(struct database *database, struct diag *diag)

@@ -146,6 +146,11 @@ static void name_import(struct import_job *job)
              (unsigned long long)hash);
 }
 
+static void part_path(const char *database, char *ret_path, size_t size)
+{
+    snprintf(ret_path, size, "%s" DATABASE_PART_SUFFIX, database);
+}
+
 static void describe_source(const struct import_source *source, struct database_import *import)
 {
     *import = (struct database_import){.id = source->id};
@@ -182,9 +187,10 @@ static int number_sources(struct import_job *job, struct diag *diag)
     return 0;
 }
 
-/* The table of sources as it will be. */
-static int write_sources(struct import_job *job, struct diag *diag)
+/* With the table of sources as it will be. */
+static int make_part(struct import_job *job, struct diag *diag)
 {
+    char path[DATABASE_NAME_MAX + 16];
     struct database_import *imports =
         malloc((job->import_count + job->source_count) * sizeof(*imports));
     size_t count = 0;
@@ -196,20 +202,10 @@ static int write_sources(struct import_job *job, struct diag *diag)
     for (size_t i = 0; i < job->source_count; i++)
         if (!job->sources[i].done)
             describe_source(&job->sources[i], &imports[count++]);
-    int r = database_begin(job->part, diag);
-    if (r == 0)
-        r = database_set_imports(job->part, imports, count, diag);
-    if (r == 0)
-        r = database_seal(job->part, diag);
-    if (r == 0)
-        r = database_commit(job->part, diag);
+    part_path(job->params->database, path, sizeof(path));
+    int r = database_create_part(path, &job->database, imports, count, &job->part, diag);
     free(imports);
-    return r;
-}
-
-static void part_path(const char *database, char *ret_path, size_t size)
-{
-    snprintf(ret_path, size, "%s" DATABASE_PART_SUFFIX, database);
+    return r == -ENOENT || r == -EACCES ? -EIO : r; /* not a source that is missing */
 }
 
 static bool part_exists(const struct import_job *job)
@@ -269,16 +265,6 @@ static int open_part(struct import_job *job, struct diag *diag)
                      path);
     job->result.resumed = r == 0;
     return r;
-}
-
-static int make_part(struct import_job *job, struct diag *diag)
-{
-    char path[DATABASE_NAME_MAX + 16];
-    part_path(job->params->database, path, sizeof(path));
-    int r = database_create_part(path, &job->database, &job->part, diag);
-    if (r == 0)
-        r = write_sources(job, diag);
-    return r == -ENOENT || r == -EACCES ? -EIO : r; /* not a source that is missing */
 }
 
 /* The areas of the new sources and of those that they replace, then of all that the database has.

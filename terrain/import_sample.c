@@ -5,12 +5,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "geo/egm96.h"
 #include "terrain/import_internal.h"
 #include "terrain/import_old.h"
 
 #define RASTERS_OPEN 12 /* a worker */
-#define GEOIDS_OPEN  4
 #define STRIP_ROWS   64 /* sampled at once from one source */
 #define EDGE_CELLS   0.01
 
@@ -18,11 +16,6 @@ struct open_raster {
     size_t source;
     struct raster *raster;
     uint64_t used;
-};
-
-struct open_geoid {
-    const char *path;
-    struct geoid *geoid;
 };
 
 /* Heights on a lattice, and where each came from. */
@@ -35,8 +28,7 @@ struct region {
 
 struct worker {
     struct open_raster rasters[RASTERS_OPEN];
-    struct geoid *egm96;
-    struct open_geoid geoids[GEOIDS_OPEN];
+    struct import_datum datum;
     struct import_old *old;
     struct region region;
     float *strip_m; /* of one source, or a row of the old database */
@@ -83,56 +75,6 @@ static int open_raster(struct import_sampler *sampler, struct worker *worker, si
                                      source->options->has_nodata ? &source->options->nodata : NULL};
     int r = raster_open(source->path, &options, &oldest->raster, diag);
     *ret_raster = oldest->raster;
-    return r;
-}
-
-static int open_geoid(struct worker *worker, const char *path, struct geoid **ret_geoid,
-                      struct diag *diag)
-{
-    for (int i = 0; i < GEOIDS_OPEN; i++) {
-        struct open_geoid *open = &worker->geoids[i];
-        if (!open->geoid) {
-            int r = geoid_open(path, &open->geoid, diag);
-            open->path = path;
-            if (r < 0)
-                return r;
-        }
-        if (strcmp(open->path, path) == 0) {
-            *ret_geoid = open->geoid;
-            return 0;
-        }
-    }
-    return diag_set(diag, -E2BIG, "more than %d geoids in one import", GEOIDS_OPEN);
-}
-
-/* Brings heights to EGM96: an ellipsoidal height loses the undulation; one above another geoid
- * first becomes ellipsoidal. */
-static int heights_to_egm96(struct worker *worker, const struct import_options *options,
-                            const struct grid *grid, const struct raster_lattice *lattice,
-                            float *heights_m, struct diag *diag)
-{
-    struct geoid *own = NULL;
-    int r = 0;
-    if (options->vertical == IMPORT_EGM96)
-        return 0;
-    if (!worker->egm96)
-        r = egm96_open(&worker->egm96, diag);
-    if (r == 0 && options->vertical != IMPORT_ELLIPSOID)
-        r = open_geoid(worker, options->geoid_path, &own, diag);
-    for (int row = 0; r == 0 && row < lattice->rows; row++) {
-        double lat_deg = grid_post_lat_deg(grid, lattice->level, lattice->row0 + row);
-        for (int col = 0; col < lattice->cols; col++) {
-            float *height_m = &heights_m[(size_t)row * (size_t)lattice->cols + (size_t)col];
-            if (isnan(*height_m))
-                continue;
-            double lon_deg =
-                grid_post_lon_deg(grid, lattice->level, lattice->shift, lattice->col0 + col);
-            double shift_m = -geoid_undulation_m(worker->egm96, lat_deg, lon_deg);
-            if (own)
-                shift_m += geoid_undulation_m(own, lat_deg, lon_deg);
-            *height_m = (float)((double)*height_m + shift_m);
-        }
-    }
     return r;
 }
 
@@ -206,7 +148,8 @@ static int add_source(struct import_sampler *sampler, struct worker *worker, siz
             continue;
         r = raster_sample(raster, grid, &strip, worker->strip_m, diag);
         if (r == 0)
-            r = heights_to_egm96(worker, source->options, grid, &strip, worker->strip_m, diag);
+            r = import_datum_apply(&worker->datum, source->options, grid, &strip, worker->strip_m,
+                                   diag);
         size_t count = (size_t)strip.rows * (size_t)strip.cols;
         for (size_t i = 0; r == 0 && i < count; i++) {
             if (isnan(worker->strip_m[i]) || !isnan(region->heights_m[at + i]))
@@ -422,9 +365,7 @@ void import_sampler_destroy(struct import_sampler *sampler)
         struct worker *worker = &sampler->workers[i];
         for (int j = 0; j < RASTERS_OPEN; j++)
             raster_close(worker->rasters[j].raster);
-        for (int j = 0; j < GEOIDS_OPEN; j++)
-            geoid_close(worker->geoids[j].geoid);
-        geoid_close(worker->egm96);
+        import_datum_finish(&worker->datum);
         import_old_close(worker->old);
         free(worker->region.heights_m);
         free(worker->region.origins);

@@ -142,10 +142,26 @@ size_t symbols_encode(const int32_t *symbols, const struct tile_parent *parent,
     }
     coder.grid.cells = PLANE_CELLS;
     grid_load(&coder.grid, PLANE_KNOWN,
-              parent ? window_of_parent(parent, PLANE_KNOWN) : window_of_tile(symbols, PLANE_CELLS));
+              parent ? window_of_parent(parent, PLANE_KNOWN)
+                     : window_of_tile(symbols, PLANE_CELLS));
     coder.set = symbol_choose_set(&coder.grid, symbols);
-    if(getenv("FS"))coder.set=atoi(getenv("FS"));
-    if(getenv("ALL")){ size_t bs=1e9; unsigned b=0; for(unsigned k=0;k<16;k++){ coder_init(&coder, (int32_t *)(uintptr_t)symbols, true); coder.set=k; size_t z=encode_coded(&coder, parent, with_base, ret_payload); if(z&&z<bs){bs=z;b=k;} } coder.set=b; coder_init(&coder, (int32_t *)(uintptr_t)symbols, true); }
+    if (getenv("FS"))
+        coder.set = atoi(getenv("FS"));
+    if (getenv("ALL")) {
+        size_t bs = 1e9;
+        unsigned b = 0;
+        for (unsigned k = 0; k < 16; k++) {
+            coder_init(&coder, (int32_t *)(uintptr_t)symbols, true);
+            coder.set = k;
+            size_t z = encode_coded(&coder, parent, with_base, ret_payload);
+            if (z && z < bs) {
+                bs = z;
+                b = k;
+            }
+        }
+        coder.set = b;
+        coder_init(&coder, (int32_t *)(uintptr_t)symbols, true);
+    }
     size_t size = encode_coded(&coder, parent, with_base, ret_payload);
     return size ? size : encode_raw(symbols, parent, ret_payload);
 }

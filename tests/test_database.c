@@ -268,7 +268,7 @@ static void test_verify_content(void)
     snprintf(part_path, sizeof(part_path), "%s", path_of("content.part"));
     CHECK_INT(database_open(good, &files[1], &diag), 0);
     CHECK_INT(database_get_params(files[1], &params, &diag), 0);
-    CHECK_INT(database_create_part(part_path, &params, &files[0], &diag), 0);
+    CHECK_INT(database_create_part(part_path, &params, NULL, 0, &files[0], &diag), 0);
     CHECK_INT(database_read_record(files[1], id, &record, &diag), 0);
     lift_tile(files[1], id, &record);
     put_record(files[0], &record);
@@ -347,16 +347,16 @@ static void test_incomplete(void)
         .grid = {.posts_per_degree = 120.0}, .step_m = 1.0, .import = "one"};
     snprintf(path, sizeof(path), "%s", path_of("incomplete.db"));
     snprintf(part, sizeof(part), "%s.part", path);
-    CHECK_INT(database_create_part(part, &params, &writer, &diag), 0);
+    CHECK_INT(database_create_part(part, &params, NULL, 0, &writer, &diag), 0);
     CHECK_INT(database_open_part(part, &second, &diag), -EBUSY);
     CHECK_CONTAINS(diag.text, "another program");
-    CHECK_INT(database_create_part(part, &params, &second, &diag), -EEXIST);
+    CHECK_INT(database_create_part(part, &params, NULL, 0, &second, &diag), -EEXIST);
     database_close(writer);
     check_refused(path, -EBUSY, "not complete");
     check_refused(part, -EBUSY, "belongs to an import");
     snprintf(params.shard, sizeof(params.shard), "2/3");
     snprintf(shard, sizeof(shard), "%s", path_of("shard.db"));
-    CHECK_INT(database_create_part(shard, &params, &writer, &diag), 0);
+    CHECK_INT(database_create_part(shard, &params, NULL, 0, &writer, &diag), 0);
     database_close(writer);
     check_refused(shard, -EBUSY, "shard 2/3");
     CHECK_INT(database_open_part(path_of("exact.db"), &second, &diag), -EBADMSG);
@@ -371,7 +371,7 @@ static void test_steps_of_a_part(void)
     struct database_params params = {
         .grid = {.posts_per_degree = 120.0}, .step_m = 1.0, .import = "one"};
     snprintf(part, sizeof(part), "%s", path_of("steps.part"));
-    CHECK_INT(database_create_part(part, &params, &writer, &diag), 0);
+    CHECK_INT(database_create_part(part, &params, NULL, 0, &writer, &diag), 0);
     CHECK_INT(database_begin(writer, &diag), 0);
     CHECK_INT(database_mark_done(writer, 5, &diag), 0);
     CHECK_INT(database_commit(writer, &diag), 0);
