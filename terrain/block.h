@@ -28,8 +28,12 @@ struct block_row {
     int cols, first;
 };
 
+struct pyramid_plan;
+
 struct block {
     const struct grid *grid;
+    const struct pyramid_plan *plan; /* what else is sampled, NULL: all; of the pyramid's stage */
+    int stage;
     double step_m, max_error_m;
     int base_level, top_level;
     int height; /* levels above the base: BLOCK_LEVELS, or fewer at the grid's top */

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "terrain/import_fill.h"
 #include "terrain/import_internal.h"
 #include "terrain/import_old.h"
 
@@ -162,9 +163,33 @@ static int add_source(struct import_sampler *sampler, struct worker *worker, siz
     return r;
 }
 
+/* Whether a post of the lattice is one of a tile that is not sampled here. `block` may be NULL. */
+static bool stays(const struct block *block, const struct raster_lattice *lattice, int row, int col)
+{
+    if (!block)
+        return false;
+    const struct grid *grid = block->grid;
+    int64_t around = grid_cells_around(grid, lattice->level, lattice->shift);
+    int64_t post_row = lattice->row0 + row, post_col = lattice->col0 + col;
+    post_col -= grid_floor_div(post_col, around) * around;
+    int32_t tile_row = (int32_t)grid_floor_div(post_row, TILE_CELLS);
+    int32_t tile_col = (int32_t)(post_col / TILE_CELLS);
+    for (int side = 0; side < 4; side++) { /* a post on a border is one of several tiles */
+        int32_t r = tile_row - side / 2, c = tile_col - side % 2;
+        if ((side / 2 && post_row % TILE_CELLS) || (side % 2 && post_col % TILE_CELLS))
+            continue;
+        c = c < 0 ? grid_tile_cols(grid, lattice->level, lattice->shift) - 1 : c;
+        struct tile_id id = {lattice->level, r, c};
+        if (grid_has_tile(grid, id) && !pyramid_samples(block, id))
+            return true;
+    }
+    return false;
+}
+
 /* Lays what the database has over the new sources or under them, as their priorities say. What had
- * been filled from around is filled anew. */
-static int add_old(struct import_sampler *sampler, struct worker *worker, struct diag *diag)
+ * been filled from around is filled anew, except in tiles that stay. */
+static int add_old(struct import_sampler *sampler, struct worker *worker, const struct block *block,
+                   struct diag *diag)
 {
     struct region *region = &worker->region;
     int r = 0;
@@ -176,7 +201,8 @@ static int add_old(struct import_sampler *sampler, struct worker *worker, struct
             uint16_t origin = worker->strip_origins[col];
             struct rank old = sampler->ranks[origin & TILE_ORIGIN_SOURCE];
             struct rank new = sampler->ranks[region->origins[at] & TILE_ORIGIN_SOURCE];
-            if (isnan(worker->strip_m[col]) || old.replaced || origin == TILE_ORIGIN_MADE ||
+            if (isnan(worker->strip_m[col]) || old.replaced ||
+                (origin == TILE_ORIGIN_MADE && !stays(block, &region->lattice, row, col)) ||
                 (!isnan(region->heights_m[at]) && new.priority >= old.priority))
                 continue;
             region->heights_m[at] = worker->strip_m[col];
@@ -187,7 +213,8 @@ static int add_old(struct import_sampler *sampler, struct worker *worker, struct
 }
 
 static int fill_region(struct import_sampler *sampler, struct worker *worker,
-                       const struct raster_lattice *lattice, struct diag *diag)
+                       const struct block *block, const struct raster_lattice *lattice,
+                       struct diag *diag)
 {
     const struct import_job *job = sampler->job;
     const struct grid *grid = database_grid(job->part);
@@ -199,7 +226,7 @@ static int fill_region(struct import_sampler *sampler, struct worker *worker,
     if (r == 0 && job->old && !worker->old)
         r = import_old_open(job->params->database, &worker->old, diag);
     if (r == 0 && job->old)
-        r = add_old(sampler, worker, diag);
+        r = add_old(sampler, worker, block, diag);
     return r;
 }
 
@@ -238,7 +265,7 @@ static int take_tile(struct block *block, const struct region *region, struct bl
         for (int col = 0; col < TILE_POSTS; col++, i++) {
             int64_t at = from + (col < last_col ? col : last_col);
             heights_m[i] = region->heights_m[at];
-            origins[i] = region->origins[at];
+            origins[i] = isnan(heights_m[i]) ? 0 : region->origins[at];
         }
     }
     return block_put_heights(block, tile, heights_m, origins);
@@ -270,6 +297,60 @@ static bool lattice_of_row(const struct block *block, const struct block_row *ro
     return true;
 }
 
+static bool has_voids(const struct region *region)
+{
+    size_t count = (size_t)region->lattice.rows * (size_t)region->lattice.cols;
+    for (size_t i = 0; i < count; i++)
+        if (isnan(region->heights_m[i]))
+            return true;
+    return false;
+}
+
+/* A row's lattice and so much around it that every void that may be filled is in it. It ends where
+ * the longitude factor changes: what goes on beyond is left void on both sides. */
+static void widen(const struct block *block, const struct block_row *row, int posts,
+                  struct raster_lattice *lattice)
+{
+    const struct grid *grid = block->grid;
+    int level = block->base_level;
+    int64_t south = lattice->row0 - posts, north = lattice->row0 + lattice->rows - 1 + posts;
+    for (int32_t r = row->row; r * (int64_t)TILE_CELLS > south; r--)
+        if (r == grid_first_tile_row(grid, level) ||
+            grid_lon_shift(grid, level, r - 1) != lattice->shift)
+            south = r * (int64_t)TILE_CELLS;
+    for (int32_t r = row->row; (r + 1) * (int64_t)TILE_CELLS < north; r++)
+        if (r == grid_last_tile_row(grid, level) ||
+            grid_lon_shift(grid, level, r + 1) != lattice->shift)
+            north = (r + 1) * (int64_t)TILE_CELLS;
+    south = south < grid_first_row(grid, level) ? grid_first_row(grid, level) : south;
+    north = north > grid_last_row(grid, level) ? grid_last_row(grid, level) : north;
+    lattice->row0 = south;
+    lattice->rows = (int)(north - south) + 1;
+    lattice->col0 -= posts;
+    lattice->cols += 2 * posts;
+}
+
+/* Samples a row again with what lies around it, and fills its voids. */
+static int fill_row_voids(struct import_sampler *sampler, struct worker *worker,
+                          const struct block *block, const struct block_row *row,
+                          const struct raster_lattice *lattice, struct diag *diag)
+{
+    struct raster_lattice wide = *lattice;
+    struct region *region = &worker->region;
+    int widest = sampler->job->params->fill_posts;
+    widen(block, row, widest + 1, &wide);
+    int r = fill_region(sampler, worker, block, &wide, diag);
+    for (int i = 0; r == 0 && i < wide.rows; i++)
+        for (int j = 0; j < wide.cols; j++) {
+            size_t at = (size_t)i * (size_t)wide.cols + (size_t)j;
+            if (isnan(region->heights_m[at]) && stays(block, &wide, i, j))
+                region->origins[at] = FILL_OPEN;
+        }
+    if (r == 0)
+        r = fill_voids(region->heights_m, region->origins, wide.rows, wide.cols, widest);
+    return r;
+}
+
 int import_sample_block(void *user, unsigned index, struct block *block, struct diag *diag)
 {
     struct import_sampler *sampler = user;
@@ -280,7 +361,9 @@ int import_sample_block(void *user, unsigned index, struct block *block, struct 
         struct raster_lattice lattice;
         if (!lattice_of_row(block, row, &lattice))
             continue;
-        r = fill_region(sampler, worker, &lattice, diag);
+        r = fill_region(sampler, worker, block, &lattice, diag);
+        if (r == 0 && sampler->job->params->fill_posts > 0 && has_voids(&worker->region))
+            r = fill_row_voids(sampler, worker, block, row, &lattice, diag);
         set_poles(sampler, &worker->region);
         for (int col = 0; r == 0 && col < row->cols; col++)
             if (block->tiles[row->first + col].wanted)
@@ -315,7 +398,7 @@ static int find_poles(struct import_sampler *sampler, struct diag *diag)
         sampler->poles[pole].height_m = NAN;
         for (; r == 0 && lattice.col0 <= around && isnan(sampler->poles[pole].height_m);
              lattice.col0 += lattice.cols) {
-            r = fill_region(sampler, worker, &lattice, diag);
+            r = fill_region(sampler, worker, NULL, &lattice, diag);
             for (int col = 0; r == 0 && col < lattice.cols; col++)
                 if (!isnan(worker->region.heights_m[col])) {
                     sampler->poles[pole] = (struct import_pole){worker->region.heights_m[col],
