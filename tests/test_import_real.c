@@ -29,13 +29,14 @@ static void test_real_rasters(void)
     check_run(run("'%s' -o '%s' -q", data("terrain/iceland-reykjanes-3s.tif"), in("iceland.db")),
               0);
     check_real("terrain/iceland-reykjanes-3s.tif", "iceland.db", 3, 0.5);
-    check_run(run("'%s' '%s' '%s' -o '%s' -q", data("terrain/N41E001.hgt.zip"),
+    check_run(run("'%s' '%s' '%s' -o '%s' -q --fill 0", data("terrain/N41E001.hgt.zip"),
                   data("terrain/N41E002.hgt.zip"), data("terrain/N42E001.hgt.zip"),
                   in("catalonia.db")),
               0);
     check_real("terrain/N41E001.hgt.zip", "catalonia.db", 8, 0.0);
     check_real("terrain/N41E002.hgt.zip", "catalonia.db", 8, 0.0);
-    check_run(run("'%s' -o '%s' -q", data("terrain/N42E001.hgt.zip"), in("andorra.db")), 0);
+    check_run(run("'%s' -o '%s' -q --fill 0", data("terrain/N42E001.hgt.zip"), in("andorra.db")),
+              0);
     check_real("terrain/N42E001.hgt.zip", "andorra.db", 3, 0.0); /* with its 7652 voids */
     check_run(run("'%s' -o '%s' -q", data("terrain/S20W180.hgt.zip"), in("lau.db")), 0);
     check_real("terrain/S20W180.hgt.zip", "lau.db", 7, 0.0);
