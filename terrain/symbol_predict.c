@@ -67,6 +67,7 @@ CLONES void symbol_activity_row(const struct symbol_grid *grid, enum phase phase
         for (int f = 0; f < shape->form_count; f++)
             for (int i = 0; i < 3; i++)
                 add_form(forms[f], form_weights[phase][f], at + 8 * i, &sums[i]);
+        memcpy(ret->forms + at, sums, sizeof(sums));
         add_taps(errors, error_weights[phase], shape->error_count, at, sums);
         memcpy(ret->activities + at, sums, sizeof(sums));
     }
