@@ -17,10 +17,11 @@
 #include "terrain/symbol_models.h"
 #include "terrain/symbol_predict.h"
 
-#define TRAINED_PHASES 3
-#define FEATURES       (FORMS_MAX + ERROR_TAPS_MAX)
-#define ROUNDS         4
-#define FEATURES_KEPT  4000000
+#define TRAINED_PHASES   3
+#define FEATURES         (FORMS_MAX + ERROR_TAPS_MAX)
+#define ROUNDS           4
+#define WEIGHTS_SIZE_MAX 6.5
+#define FEATURES_KEPT    4000000
 
 /* Normal equations of one phase of one tile. */
 struct equations {
@@ -323,9 +324,22 @@ static void fit_set(struct trainer *trainer, unsigned set, int phase)
     }
     if (sum.count == 0)
         return;
-    for (int i = 0; i < taps; i++)
-        sum.a[i][i] += 1 + 1e-4 * sum.a[i][i];
-    solve(taps, sum.a, sum.b, trainer->weights[set][phase]);
+    /* Large weights would overflow on wild heights, and fit noise. */
+    double ridge = 1e-4, *weights = trainer->weights[set][phase], size;
+    do {
+        struct equations damped = sum;
+        double total = 0;
+        for (int i = 0; i < taps; i++)
+            damped.a[i][i] += 1 + ridge * sum.a[i][i];
+        solve(taps, damped.a, damped.b, weights);
+        size = 0;
+        for (int i = 0; i < taps; i++) {
+            total += weights[i];
+            size += fabs(weights[i]);
+        }
+        size += fabs(1 - total);
+        ridge *= 4;
+    } while (size > WEIGHTS_SIZE_MAX);
 }
 
 /* Clusters of tiles, each with its own weights. */

@@ -51,6 +51,7 @@ static int32_t take_int32(const uint8_t *from)
 
 static void coder_init(struct symbol_coder *coder, int32_t *symbols, bool encoding)
 {
+    memset(&coder->grid, 0, sizeof(coder->grid));
     memcpy(coder->slow, model_slow_first, sizeof(coder->slow));
     memcpy(coder->fast, model_fast_first, sizeof(coder->fast));
     for (int i = 0; i < 2; i++)

@@ -88,6 +88,12 @@ struct row {
     bool flat;      /* every post is its rounded prediction: nothing is coded */
 };
 
+/* The negative where `flip` is all ones. */
+static inline uint32_t mirrored(uint32_t difference, int32_t flip)
+{
+    return (difference ^ (uint32_t)flip) - (uint32_t)flip;
+}
+
 /* Codes the posts one after the other. The booleans are constants where this is expanded. */
 static inline __attribute__((always_inline)) void
 code_row_as(struct symbol_coder *coder, struct row *row, bool encoding, bool masked)
@@ -106,21 +112,21 @@ code_row_as(struct symbol_coder *coder, struct row *row, bool encoding, bool mas
         }
         if (!row->flat) {
             /* Mirrored where the prediction was rounded up, so that one model serves both. */
-            int32_t offset = prediction - (nearest << PREDICT_BITS), flip = offset >> 31;
+            int32_t offset = prediction - nearest * (1 << PREDICT_BITS), flip = offset >> 31;
             struct model_choice choice =
                 model_choose(row->predicted.activities[i] + row->west_error_weight * west_error,
                              row->predicted.forms[i], offset ^ flip, row->plane);
             if (encoding) {
-                int32_t difference = (int32_t)((uint32_t)*symbol - from);
-                put_difference(coder, choice, (difference ^ flip) - flip);
+                uint32_t difference = (uint32_t)*symbol - from;
+                put_difference(coder, choice, (int32_t)mirrored(difference, flip));
             } else {
-                int32_t difference = take_difference(coder, choice);
-                *symbol = (int32_t)(from + (uint32_t)((difference ^ flip) - flip));
+                uint32_t difference = (uint32_t)take_difference(coder, choice);
+                *symbol = (int32_t)(from + mirrored(difference, flip));
             }
         } else if (!encoding)
             *symbol = (int32_t)from;
         west = row->values[i] = grid_value(grid, *symbol);
-        int32_t error = abs((west << PREDICT_BITS) - prediction) >> (PREDICT_BITS - 4);
+        int32_t error = abs(west * (1 << PREDICT_BITS) - prediction) >> (PREDICT_BITS - 4);
         west_error = row->errors[i] = error < GRID_ERROR_MAX ? error : GRID_ERROR_MAX;
     }
 }
