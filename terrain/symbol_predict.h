@@ -19,6 +19,7 @@ extern const int16_t error_weights[PHASE_COUNT][ERROR_TAPS_MAX]; /* in 1/256 */
 struct prediction_row {
     int32_t values[PLANE_STRIDE];     /* predictions, 1/1024 step */
     int32_t activities[PLANE_STRIDE]; /* how far off they may be, 1/4096 step */
+    int32_t forms[PLANE_STRIDE];      /* what the forms add to that */
 };
 
 /* The predictions of a row of a phase's plane, less the western post's part. */
