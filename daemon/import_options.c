@@ -29,7 +29,6 @@ static const char usage[] =
     "                         crs, nodata, priority in place of the options above\n"
     "      --fill POSTS       fill voids that are enclosed and at most so many posts wide (100);\n"
     "                         0: none\n"
-    "      --feather METRES   blend sources of different priority over this distance (0)\n"
     "  -j, --jobs N           threads (one for each processor)\n"
     "      --shard I/N        only the I-th of N parts of the work; otwd merge puts the files "
     "together\n"
@@ -46,7 +45,6 @@ enum long_option {
     OPTION_PRIORITY,
     OPTION_SOURCES,
     OPTION_FILL,
-    OPTION_FEATHER,
     OPTION_SHARD,
     OPTION_VERIFY,
     OPTION_JSON,
@@ -64,7 +62,6 @@ static const struct option long_options[] = {
     {"jobs", required_argument, NULL, 'j'},
     {"sources", required_argument, NULL, OPTION_SOURCES},
     {"fill", required_argument, NULL, OPTION_FILL},
-    {"feather", required_argument, NULL, OPTION_FEATHER},
     {"verify", required_argument, NULL, OPTION_VERIFY}, /* for otwd verify --against */
     {"shard", required_argument, NULL, OPTION_SHARD},
     {"json", no_argument, NULL, OPTION_JSON},
@@ -161,10 +158,6 @@ static int take_option(struct arguments *arguments, int option)
             return bad_value("--fill", optarg, "posts, 0 to 256");
         import->fill_posts = (int)whole;
         return 0;
-    case OPTION_FEATHER:
-        if (number_from_text(optarg, 0.0, 1e6, &import->feather_m))
-            return 0;
-        return bad_value("--feather", optarg, "metres, 0 to 1000000");
     case OPTION_VERIFY:
         arguments->verified = optarg;
         return 0;

@@ -143,7 +143,6 @@ static void name_import(struct import_job *job)
     hash = add_to_hash(hash, &database->step_m, sizeof(database->step_m));
     hash = add_to_hash(hash, database->import, strlen(database->import));
     hash = add_to_hash(hash, &job->params->fill_posts, sizeof(job->params->fill_posts));
-    hash = add_to_hash(hash, &job->params->feather_m, sizeof(job->params->feather_m));
     snprintf(job->database.import, sizeof(job->database.import), "%016llx",
              (unsigned long long)hash);
 }

@@ -59,7 +59,6 @@ struct import_params {
     const char *database;        /* made where it is missing, added to where it exists */
     const double *max_error_m;   /* NULL: 0.5, or the database's own */
     int fill_posts;              /* voids up to so many posts wide are filled; 0: none */
-    double feather_m;            /* seams between priorities are blended over this; 0: not */
     unsigned jobs;               /* threads; 0: one for each processor */
     unsigned shard, shard_count; /* shard 0 .. shard_count - 1; shard_count 0: all of it */
     import_progress_function progress;
@@ -85,7 +84,7 @@ int import_vertical_from_name(const char *name, enum import_vertical *ret_vertic
 /* How a source and a database agree. */
 struct import_comparison {
     uint64_t posts;     /* that came from the source */
-    uint64_t elsewhere; /* that it has, but that came from another, or were blended */
+    uint64_t elsewhere; /* that it has, but where another covers it */
     uint64_t beyond;    /* further from the source than the bound, or missing */
     double worst_m;     /* largest difference */
     double max_error_m; /* the bound */

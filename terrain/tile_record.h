@@ -16,7 +16,7 @@ struct tile_parent tile_place_in_parent(const struct grid *grid, struct tile_id 
 
 /* Where a post came from: the `id` of its source, and whether it is that one's own height. */
 #define TILE_ORIGIN_SOURCE 0x7fff
-#define TILE_ORIGIN_MADE   0x8000 /* blended with others, or (source 0) filled from around */
+#define TILE_ORIGIN_MADE   0x8000 /* no source's own height: filled from around */
 
 struct tile_record {
     struct tile_id id;

@@ -512,6 +512,205 @@ static void test_failed_addition(void)
     CHECK_NEAR(compare(in("beside.tif"), in("added.db"), 3).worst_m, 0.0, 0.0);
 }
 
+static int verify_against(const char *database, const char *source)
+{
+    return run("--verify '%s' '%s' --json", database, source);
+}
+
+/* What --against says of a source, exact or resampled, with voids and covered posts; and of a
+ * database that was changed, or a source that is another. */
+static void test_against(void)
+{
+    check_run(verify_against(in("hills.db"), in("hills.tif")), 0);
+    CHECK_CONTAINS(output, "\"exact\": true, \"posts\": ");
+    CHECK_CONTAINS(output, "\"elsewhere\": 0, \"beyond\": 0, \"worst_m\": 0,");
+    check_run(verify_against(in("utm.db"), in("utm.tif")), 0);
+    CHECK_CONTAINS(output, "\"exact\": false");
+    check_run(verify_against(in("layers.db"), in("high.tif")), 0);
+    check_run(verify_against(in("layers.db"), in("low.tif")), 0);
+    CHECK_CONTAINS(output, "\"beyond\": 0");
+    check_run(verify_against(in("hills.db"), in("low.tif")), 64);
+    CHECK_CONTAINS(output, "not one of the sources");
+    /* Another raster under the same name, with the same size and time. */
+    char command[2000];
+    snprintf(
+        command, sizeof(command),
+        "cp '%s' '%s'; cp -p '%s' '%s'; touch -r '%s' '%s'; stat -c %%s '%s' '%s' | uniq | wc -l",
+        in("low.tif"), in("twin.tif"), in("twin.tif"), in("kept.tif"), in("kept.tif"),
+        in("twin.tif"), in("low.tif"), in("hills.tif"));
+    CHECK_INT(system(command), 0);
+    check_run(run("'%s' -o '%s' -q", in("twin.tif"), in("twin.db")), 0);
+    snprintf(command, sizeof(command), "cat '%s' > '%s'; touch -r '%s' '%s'", in("hills.tif"),
+             in("twin.tif"), in("kept.tif"), in("twin.tif"));
+    CHECK_INT(system(command), 0);
+    check_run(verify_against(in("twin.db"), in("twin.tif")), 65);
+    CHECK_CONTAINS(output, "the source has");
+}
+
+/* Shards, in any order, are one import. */
+static void test_shards(void)
+{
+    const char *otwd = getenv("OTWD");
+    char command[3000];
+    check_run(run("'%s' '%s' '%s' -o '%s' -q", in("big.tif"), in("utm.tif"), in("hills.tif"),
+                  in("single.db")),
+              0);
+    for (int i = 1; i <= 3; i++)
+        check_run(run("'%s' '%s' '%s' -o '%s/shard%d.db' -q --shard %d/3 -j %d", in("big.tif"),
+                      in("utm.tif"), in("hills.tif"), directory, i, i, i),
+                  0);
+    snprintf(command, sizeof(command), "'%s' merge -q '%s' '%s' '%s' '%s'", otwd, in("merged.db"),
+             in("shard2.db"), in("shard3.db"), in("shard1.db"));
+    CHECK_INT(system(command), 0);
+    CHECK(same_bytes(in("single.db"), in("merged.db")));
+    CHECK_INT(verify(in("merged.db")), 0);
+    for (int i = 0; i < 2; i++) {
+        snprintf(command, sizeof(command),
+                 i ? "'%s' merge -q '%s/m.db' '%s/shard1.db' '%s/single.db' 2> '%s/log'"
+                   : "'%s' merge -q '%s/m.db' '%s/shard1.db' '%s/shard2.db' 2> '%s/log'",
+                 otwd, directory, directory, directory, directory);
+        CHECK_INT(WEXITSTATUS(system(command)), 64);
+        CHECK(access(in("m.db"), F_OK) != 0);
+    }
+    check_run(run("'%s' -o '%s' --shard 4/3", in("hills.tif"), in("m.db")), 64);
+}
+
+static void write_list(const char *path, const char *text)
+{
+    FILE *file = fopen(path, "w");
+    CHECK(file && fputs(text, file) >= 0 && fclose(file) == 0);
+}
+
+static void test_list(void)
+{
+    char text[2000];
+    snprintf(text, sizeof(text),
+             "# both\n\"%s\" priority=2 nodata=-9999\n\n  %s\tpriority=1 # under it\n",
+             in("high.tif"), in("low.tif"));
+    write_list(in("list.txt"), text);
+    check_run(run("--sources '%s' -o '%s' -q", in("list.txt"), in("listed.db")), 0);
+    struct terrain_source *source = open_source(in("listed.db"));
+    if (!source)
+        return;
+    CHECK_NEAR(height_at(source, 45.5, 10.25), 200.0, 0.0);
+    CHECK_NEAR(height_at(source, 45.5, 10.75), 100.0, 0.0);
+    terrain_source_destroy(source);
+    snprintf(text, sizeof(text), "%s\n%s colour=blue\n", in("high.tif"), in("low.tif"));
+    write_list(in("list.txt"), text);
+    check_run(run("--sources '%s' -o '%s' -q", in("list.txt"), in("unlisted.db")), 65);
+    CHECK_CONTAINS(output, "list.txt:2: \"colour");
+}
+
+/* Holes of 4, 20 and 60 posts across, and one that is open to the edge. */
+static double holed(double lon, double lat)
+{
+    const double at[3][3] = {{10.2, 45.3, 2.0}, {10.5, 45.6, 10.0}, {10.75, 45.25, 30.0}};
+    for (int i = 0; i < 3; i++)
+        if (fabs(lon - at[i][0]) * 240.0 < at[i][2] && fabs(lat - at[i][1]) * 240.0 < at[i][2])
+            return -9999.0;
+    if (lon > 10.95 && lat > 45.8)
+        return -9999.0;
+    return nearbyint(100.0 + 200.0 * (lon - 10.0) + 300.0 * (lat - 45.0));
+}
+
+/* Two halves: an addition makes the hole that lay on the seam an enclosed one. */
+static void test_fill(void)
+{
+    struct made made = ten_east;
+    make_raster(in("holed.tif"), &made, holed);
+    check_run(run("'%s' -o '%s' -q --fill 40", in("holed.tif"), in("filled.db")), 0);
+    CHECK_INT(verify(in("filled.db")), 0);
+    struct terrain_source *source = open_source(in("filled.db"));
+    if (!source)
+        return;
+    CHECK_NEAR(height_at(source, 45.3, 10.2), 100.0 + 40.0 + 90.0, 1.5); /* a plane stays one */
+    CHECK_NEAR(height_at(source, 45.6, 10.5), 100.0 + 100.0 + 180.0, 1.5);
+    CHECK(isnan(height_at(source, 45.25, 10.75)) && isnan(height_at(source, 45.9, 10.97)));
+    terrain_source_destroy(source);
+    check_run(verify_against(in("filled.db"), in("holed.tif")), 0);
+    CHECK_CONTAINS(output, "\"beyond\": 0");
+    check_run(run("'%s' -o '%s' -q", in("holed.tif"), in("filled2.db")), 0);
+    CHECK_INT(verify(in("filled2.db")), 0);
+    source = open_source(in("filled2.db"));
+    CHECK(source && !isnan(height_at(source, 45.25, 10.75)) &&
+          isnan(height_at(source, 45.9, 10.97)));
+    terrain_source_destroy(source);
+    made.height = 121;
+    make_raster(in("upper.tif"), &made, holed);
+    made.north -= 120.0 / 240.0;
+    make_raster(in("lower.tif"), &made, holed);
+    check_run(run("'%s' -o '%s' -q", in("upper.tif"), in("halves.db")), 0);
+    check_run(run("'%s' -o '%s' -q", in("lower.tif"), in("halves.db")), 0);
+    CHECK_INT(verify(in("halves.db")), 0);
+}
+
+/* A coarse raster under a fine one keeps to its own level, and where both are the fine one counts.
+ */
+static void test_mixed(void)
+{
+    struct made coarse = {41, 41, 8.0, 48.0, 0.1, -0.1, 4326, GDT_Float32, NAN, 0.0};
+    make_raster(in("coarse.tif"), &coarse, hundred);
+    for (int order = 0; order < 2; order++) {
+        unlink(in("mixed.db"));
+        if (order == 0) {
+            check_run(run("'%s' -o '%s' -q --priority 1", in("hills.tif"), in("mixed.db")), 0);
+            check_run(run("'%s' -o '%s' -q", in("coarse.tif"), in("mixed.db")), 0);
+        } else {
+            check_run(
+                run("'%s' '%s' -o '%s' -q", in("coarse.tif"), in("hills.tif"), in("mixed.db")), 0);
+        }
+        CHECK_INT(verify(in("mixed.db")), 0);
+        struct terrain_source *source = open_source(in("mixed.db"));
+        struct database_info info;
+        struct diag diag;
+        if (!source)
+            return;
+        CHECK_NEAR(height_at(source, 46.7, 9.1), 100.0, 0.0);
+        CHECK_NEAR(height_at(source, 44.5, 11.7), 100.0, 0.0);
+        CHECK_NEAR(height_at(source, 45.5, 10.5), hills(10.5, 45.5), 0.0);
+        CHECK_INT(source->read_errors, 0);
+        CHECK_INT(database_info(database_of_source(source), &info, &diag), 0);
+        CHECK(info.level[0].tiles <= 64 && info.file_bytes < 200000);
+        database_info_finish(&info);
+        terrain_source_destroy(source);
+    }
+}
+
+/* Square rasters beyond 60 degrees, off the grid by half a pixel, of a spacing that no whole number
+ * of posts a degree has, south-up: all are met at every post. */
+static void test_odd_grids(void)
+{
+    const struct made rasters[] = {
+        {241, 241, 20.0 - 1 / 480.0, 70.0 + 1 / 480.0, 1 / 240.0, -1 / 240.0, 4326, GDT_Int16, NAN,
+         0},
+        {241, 241, 20.0, 45.0, 1 / 240.0, -1 / 240.0, 4326, GDT_Int16, NAN, 0},
+        {300, 200, 20.123, 45.456, 0.000269965979, -0.000269965979, 4326, GDT_Int16, NAN, 0},
+        {200, 200, 20.0, 44.0, 1 / 240.0, 1 / 240.0, 4326, GDT_Int16, NAN, 0},
+        {300, 300, -180.0, 84.0, 1 / 120.0, -1 / 120.0, 4326, GDT_Int16, NAN, 0},
+    };
+    for (size_t i = 0; i < sizeof(rasters) / sizeof(rasters[0]); i++) {
+        make_raster(in("odd.tif"), &rasters[i], hills);
+        unlink(in("odd.db"));
+        check_run(run("'%s' -o '%s' -q --max-error 0", in("odd.tif"), in("odd.db")), 0);
+        CHECK_INT(verify(in("odd.db")), 0);
+        check_run(verify_against(in("odd.db"), in("odd.tif")), 0);
+        CHECK_CONTAINS(output, "\"exact\": true");
+        struct comparison found = compare(in("odd.tif"), in("odd.db"), 3);
+        if (found.wrong_voids || !(found.worst_m <= 1e-6))
+            CHECK_FAIL("raster %zu: worst difference %g m, %d wrong voids", i, found.worst_m,
+                       found.wrong_voids);
+    }
+}
+
+/* The step is for whole metres; a resampled source would be further off than was asked for. */
+static void test_refused_step(void)
+{
+    check_run(run("'%s' -o '%s' -q --max-error 2", in("hills.tif"), in("whole2.db")), 0);
+    check_run(run("'%s' -o '%s'", in("utm.tif"), in("whole2.db")), 64);
+    CHECK_CONTAINS(output, "errors of up to 2.5 m");
+    CHECK_INT(verify(in("whole2.db")), 0);
+}
+
 static const struct check_test tests[] = {
     {"posts of a geographic raster are stored exactly", test_exact},
     {"a source that is there already is skipped", test_again},
@@ -524,6 +723,13 @@ static const struct check_test tests[] = {
     {"a raster across the antimeridian has no seam", test_antimeridian},
     {"a post that no coarser level has is no fault", test_lone_post},
     {"ellipsoidal heights become EGM96 ones", test_ellipsoid},
+    {"every post is within the bound of its source, and what is not is found", test_against},
+    {"shards make the database of a single import", test_shards},
+    {"a list gives each source its own options", test_list},
+    {"enclosed voids are filled up to a size", test_fill},
+    {"a coarse raster keeps to a coarse level", test_mixed},
+    {"posts off the common grids are stored as they are", test_odd_grids},
+    {"a source that the database's steps do not suit is refused", test_refused_step},
     {"what cannot be imported is named, with the right exit status", test_refusals},
     {"--crs is for rasters that have no usable one", test_crs_option},
     {"an import that is killed anywhere ends in the same bytes", test_resume},
