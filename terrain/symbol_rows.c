@@ -15,13 +15,13 @@ static inline void put_bits(struct symbol_coder *coder, uint64_t value, unsigned
     }
 }
 
-static inline uint64_t take_bits(struct symbol_coder *coder, unsigned bits)
+static inline uint64_t take_bits(struct entropy_decoder *decoder, unsigned bits)
 {
     uint64_t value = 0;
     while (bits > 0) {
         unsigned chunk = bits < ENTROPY_BITS ? bits : ENTROPY_BITS;
         bits -= chunk;
-        value = value << chunk | entropy_take_raw(&coder->decoder, chunk);
+        value = value << chunk | entropy_take_raw(decoder, chunk);
     }
     return value;
 }
@@ -38,12 +38,12 @@ static void put_escape(struct symbol_coder *coder, int64_t quotient)
         put_bits(coder, beyond & ((1u << (bits - 1)) - 1), bits - 1);
 }
 
-static int64_t take_escape(struct symbol_coder *coder)
+static int64_t take_escape(struct symbol_coder *coder, struct entropy_decoder *decoder)
 {
     unsigned bits = (unsigned)entropy_take_symbol(
-        &coder->decoder, (struct entropy_pair){&coder->escape[0], &coder->escape[1]});
-    bool negative = take_bits(coder, 1);
-    uint64_t beyond = bits > 1 ? 1ull << (bits - 1) | take_bits(coder, bits - 1) : bits;
+        decoder, (struct entropy_pair){&coder->escape[0], &coder->escape[1]});
+    bool negative = take_bits(decoder, 1);
+    uint64_t beyond = bits > 1 ? 1ull << (bits - 1) | take_bits(decoder, bits - 1) : bits;
     int64_t quotient = (int64_t)beyond + MODEL_MIDDLE + 1;
     return negative ? -quotient : quotient;
 }
@@ -67,14 +67,18 @@ static inline void put_difference(struct symbol_coder *coder, struct model_choic
     put_bits(coder, (uint64_t)raised & ((1ull << bits) - 1), bits);
 }
 
-static inline int32_t take_difference(struct symbol_coder *coder, struct model_choice choice)
+static inline int32_t take_difference(struct symbol_coder *coder, struct entropy_decoder *decoder,
+                                      struct model_choice choice)
 {
     unsigned bits = choice.low_bits + coder->grid.shift;
-    int symbol = entropy_take_symbol(&coder->decoder, model_pair(coder, choice));
+    int symbol = entropy_take_symbol(decoder, model_pair(coder, choice));
     int64_t quotient = symbol - MODEL_MIDDLE;
-    if (__builtin_expect(symbol == MODEL_ESCAPE, 0))
-        quotient = take_escape(coder);
-    uint64_t raised = (uint64_t)quotient << bits | take_bits(coder, bits);
+    if (__builtin_expect(symbol == MODEL_ESCAPE, 0)) {
+        struct entropy_decoder away = *decoder; /* so that the caller's can stay in registers */
+        quotient = take_escape(coder, &away);
+        *decoder = away;
+    }
+    uint64_t raised = (uint64_t)quotient << bits | take_bits(decoder, bits);
     return (int32_t)(uint32_t)(raised - ((1ull << bits) >> 1));
 }
 
@@ -99,6 +103,7 @@ static inline __attribute__((always_inline)) void
 code_row_as(struct symbol_coder *coder, struct row *row, bool encoding, bool masked)
 {
     const struct symbol_grid *grid = &coder->grid;
+    struct entropy_decoder decoder = coder->decoder;
     int32_t west = row->values[-1], west_error = row->errors[-1];
     for (int i = 0; i < row->count; i++) {
         int32_t *symbol = row->symbols + i * row->symbol_step;
@@ -120,7 +125,7 @@ code_row_as(struct symbol_coder *coder, struct row *row, bool encoding, bool mas
                 uint32_t difference = (uint32_t)*symbol - from;
                 put_difference(coder, choice, (int32_t)mirrored(difference, flip));
             } else {
-                uint32_t difference = (uint32_t)take_difference(coder, choice);
+                uint32_t difference = (uint32_t)take_difference(coder, &decoder, choice);
                 *symbol = (int32_t)(from + mirrored(difference, flip));
             }
         } else if (!encoding)
@@ -129,6 +134,7 @@ code_row_as(struct symbol_coder *coder, struct row *row, bool encoding, bool mas
         int32_t error = abs(west * (1 << PREDICT_BITS) - prediction) >> (PREDICT_BITS - 4);
         west_error = row->errors[i] = error < GRID_ERROR_MAX ? error : GRID_ERROR_MAX;
     }
+    coder->decoder = decoder;
 }
 
 /* Whether every post of the row is its rounded prediction. */
@@ -219,7 +225,7 @@ static bool code_root(struct symbol_coder *coder)
         if (coder->encoding)
             put_bits(coder, (uint32_t)*symbol, 32);
         else
-            *symbol = (int32_t)(uint32_t)take_bits(coder, 32);
+            *symbol = (int32_t)(uint32_t)take_bits(&coder->decoder, 32);
     }
     bool going = true;
     for (int cells = 1; cells <= PLANE_CELLS && going; cells *= 2) {
