@@ -16,6 +16,8 @@ static volatile sig_atomic_t stop_asked;
 struct display {
     bool quiet, terminal;
     nsec_t shown_ns, began_ns;
+    uint64_t began_done; /* what an earlier run had done of the phase */
+    bool finished;       /* its end was shown */
     enum import_phase phase;
     char name[256];
 };
@@ -27,18 +29,20 @@ static void show(struct display *display, const char *name, uint64_t done, uint6
     const char *base = strrchr(name, '/') ? strrchr(name, '/') + 1 : name;
     double share = total ? (double)done / (double)total : 1.0;
     double spent_s = seconds_from_ns(clock_monotonic_ns() - display->began_ns);
+    double rate = spent_s > 0.0 ? (double)(done - display->began_done) / spent_s : 0.0;
     const char *verb = verbs[display->phase];
     if (!display->terminal) {
-        if (done >= total)
+        if (done >= total && !display->finished)
             fprintf(stderr, "%s %s: done in %.1f s\n", verb, base, spent_s);
         return;
     }
     char bar[31] = "";
     for (int i = 0; i < 30; i++)
         bar[i] = i < (int)(share * 30.0) ? '#' : '.';
-    fprintf(stderr, "\r\033[K%-9s %-28.28s [%s] %3.0f %%  %.0f s left%s", verb, base, bar,
-            100.0 * share, share > 0.0 ? spent_s * (1.0 - share) / share : 0.0,
-            done >= total ? "\n" : "");
+    fprintf(stderr, "\r\033[K%-9s %-28.28s [%s] %3.0f %%  %.1f %s/s  %.0f s left%s", verb, base,
+            bar, 100.0 * share, rate, display->phase == IMPORT_READING ? "lines" : "blocks",
+            rate > 0.0 ? (double)(total - done) / rate : 0.0,
+            done >= total && !display->finished ? "\n" : "");
 }
 
 static bool on_progress(void *user, enum import_phase phase, const char *name, uint64_t done,
@@ -50,11 +54,14 @@ static bool on_progress(void *user, enum import_phase phase, const char *name, u
         (display->name[0] && strncmp(name, display->name, sizeof(display->name) - 1) != 0)) {
         display->phase = phase;
         display->began_ns = now_ns;
+        display->began_done = done;
+        display->finished = false;
     }
     snprintf(display->name, sizeof(display->name), "%s", name);
     if (!display->quiet && (done >= total || now_ns - display->shown_ns > 100 * NSEC_PER_MSEC)) {
         show(display, name, done, total);
         display->shown_ns = now_ns;
+        display->finished = done >= total;
     }
     return stop_asked;
 }

@@ -139,9 +139,11 @@ int database_create_part(const char *path, const struct database_params *params,
     remove_file(made);
     int r = make_part(database, params, imports, count, diag);
     database_close(database);
-    /* Under its name a part is whole from the first moment. */
-    if (r == 0 && link(made, path) < 0)
-        r = diag_set(diag, -errno, "%s: %s", path, strerror(errno));
+    /* Under its name a part is whole from the first moment. Some file systems have no links. */
+    if (r == 0 && link(made, path) < 0 &&
+        (errno == EEXIST || access(path, F_OK) == 0 || rename(made, path) < 0))
+        r = diag_set(diag, access(path, F_OK) == 0 ? -EEXIST : -errno, "%s: %s", path,
+                     access(path, F_OK) == 0 ? "File exists" : strerror(errno));
     remove_file(made);
     return r == 0 ? database_open_part(path, ret_database, diag) : r;
 }

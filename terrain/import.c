@@ -9,6 +9,11 @@
 
 #include "terrain/import_internal.h"
 
+/* What all threads and GDAL's cache may take together; the rest is the process itself. A large
+ * cache spares rasters in strips from being unpacked again for every block. */
+#define MEMORY_MIB 400
+#define WORKER_MIB 14
+
 static const char *const vertical_names[] = {
     [IMPORT_EGM96] = "egm96",
     [IMPORT_EGM2008] = "egm2008",
@@ -436,7 +441,7 @@ int import_run(const struct import_params *params, struct import_result *ret_res
     job->jobs = params->jobs ? params->jobs : processors > 0 ? (unsigned)processors : 1;
     if (job->jobs > PYRAMID_JOBS_MAX)
         job->jobs = PYRAMID_JOBS_MAX;
-    raster_start_up();
+    raster_start_up(MEMORY_MIB - (int)job->jobs * WORKER_MIB);
     int r = run(job, diag);
     if (r == 0)
         *ret_result = job->result;

@@ -9,7 +9,8 @@
 #include "terrain/import_internal.h"
 #include "terrain/tile_cache.h"
 
-#define CACHE_TILES 256
+#define CACHE_TILES       256
+#define COMPARE_CACHE_MIB 128
 
 struct comparer {
     struct database *database;
@@ -194,7 +195,7 @@ int import_compare(const char *database, const struct import_input *inputs, size
     struct import_params params = {.inputs = inputs, .input_count = count, .database = database};
     struct import_job job = {.params = &params};
     struct comparer comparer = {.id = 0};
-    raster_start_up();
+    raster_start_up(COMPARE_CACHE_MIB);
     int r = import_list_sources(&job, diag);
     if (r == 0)
         r = database_open(database, &comparer.database, diag);

@@ -81,7 +81,8 @@ static int read_old(struct worker *worker, struct block_tile *tile, struct diag 
     const float *heights_m = tile_cache_look(worker->cache, id, &status);
     if (status != 0) {
         tile_record_finish(&record);
-        return diag_set(diag, -EBADMSG, "tile level %d row %d column %d is damaged", id.level,
+        return diag_set(diag, -EBADMSG,
+                        "tile level %d row %d column %d of the old database is damaged", id.level,
                         id.row, id.col);
     }
     symbols_from_heights(heights_m, TILE_POST_COUNT, worker->block.step_m, tile->symbols);

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "terrain/block.h"
 #include "terrain/height_step.h"
 
 #define NONE         UINT32_MAX
@@ -135,35 +136,6 @@ static uint32_t take_entry(struct tile_cache *cache)
     return index;
 }
 
-/* Between two posts of the parent: `twice` is a post's position in half cells of the parent. */
-static float halfway(const float *at, int stride, int twice)
-{
-    float here = at[twice / 2 * stride];
-    return twice % 2 == 0 ? here : 0.5f * (here + at[(twice / 2 + 1) * stride]);
-}
-
-/* Heights of a tile from its parent's; true where any post got one. */
-static bool heights_from_parent(const struct grid *grid, struct tile_id id, const float *parent,
-                                float *ret_heights_m)
-{
-    struct tile_id up = grid_parent(grid, id);
-    bool same = grid_lon_shift(grid, id.level, id.row) == grid_lon_shift(grid, up.level, up.row);
-    int first_row = (int)(id.row - 2 * (int64_t)up.row) * TILE_CELLS;
-    int first_col = same ? (int)(id.col - 2 * (int64_t)up.col) * TILE_CELLS : 0;
-    bool any = false;
-    for (int row = 0; row < TILE_POSTS; row++)
-        for (int col = 0; col < TILE_POSTS; col++) {
-            int twice_row = first_row + row, twice_col = same ? first_col + col : 2 * col;
-            const float *line = parent + twice_row / 2 * TILE_POSTS;
-            float height_m = halfway(line, 1, twice_col);
-            if (twice_row % 2)
-                height_m = 0.5f * (height_m + halfway(line + TILE_POSTS, 1, twice_col));
-            ret_heights_m[row * TILE_POSTS + col] = height_m;
-            any |= !isnan(height_m);
-        }
-    return any;
-}
-
 /* Reads and decodes a tile; its parent's heights give its parent's symbols back. */
 static int decode_tile(struct tile_cache *cache, struct entry *entry, const float *parent)
 {
@@ -195,9 +167,9 @@ static int load_heights(struct tile_cache *cache, struct entry *entry, const str
                                       : DATABASE_ABSENT;
     if (expected && status == DATABASE_ABSENT)
         status = -EBADMSG;
-    entry->present =
-        status == 0 || (parent && parent->present &&
-                        heights_from_parent(grid, entry->id, parent->heights_m, entry->heights_m));
+    entry->present = status == 0 || (parent && parent->present &&
+                                     block_heights_from_parent(grid, entry->id, parent->heights_m,
+                                                               entry->heights_m));
     return status;
 }
 
