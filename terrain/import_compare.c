@@ -11,6 +11,7 @@
 
 #define CACHE_TILES       256
 #define COMPARE_CACHE_MIB 128
+#define ROUNDING_M        1e-9 /* of the arithmetic here, where steps are no binary fractions */
 
 struct comparer {
     struct database *database;
@@ -45,6 +46,7 @@ static void compare_posts(struct comparer *comparer, const struct tile_record *r
     struct database *database = comparer->database;
     const struct grid *grid = database_grid(database);
     struct tile_id id = record->id;
+    double unit_m = comparer->result.exact ? comparer->facts.unit_m : 0.0;
     for (int row = 0; row < lattice->rows; row++) {
         double lat_deg = grid_post_lat_deg(grid, id.level, lattice->row0 + row);
         int tile_row = (int)(lattice->row0 - (int64_t)id.row * TILE_CELLS) + row;
@@ -55,6 +57,8 @@ static void compare_posts(struct comparer *comparer, const struct tile_record *r
             double source_m = (double)expected_m[row * lattice->cols + col];
             if (isnan(source_m))
                 continue;
+            if (unit_m > 0.0) /* the raster's own number, not the float that it was read as */
+                source_m = nearbyint(source_m / unit_m) * unit_m;
             if (symbols[at] == SYMBOL_NONE) {
                 note_beyond(comparer, id, tile_row, col, NAN, source_m);
                 continue;
@@ -66,11 +70,9 @@ static void compare_posts(struct comparer *comparer, const struct tile_record *r
             double found_m = database->step_m != 0.0 ? symbols[at] * database->step_m
                                                      : (double)height_from_symbol(symbols[at], 0.0);
             double away_m = fabs(found_m - source_m);
-            /* The source's height itself was rounded to a float here. */
-            double rounding_m = database->step_m != 0.0 ? ldexp(fabs(source_m), -24) : 0.0;
             comparer->result.posts++;
             comparer->result.worst_m = fmax(comparer->result.worst_m, away_m);
-            if (away_m > database->max_error_m + rounding_m)
+            if (away_m > database->max_error_m + ROUNDING_M)
                 note_beyond(comparer, id, tile_row, col, found_m, source_m);
         }
     }
