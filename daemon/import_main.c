@@ -184,8 +184,10 @@ int main(int argc, char **argv)
     struct arguments arguments = {.import = {.fill_posts = IMPORT_FILL_DEFAULT}};
     struct diag diag = {.text = ""};
     int r = import_parse_arguments(argc, argv, &arguments);
-    if (r != 0 || arguments.done)
+    if (r != 0 || arguments.done) {
+        import_finish_arguments(&arguments);
         return close_output(r);
+    }
     struct display display = {.quiet = arguments.quiet,
                               .terminal = isatty(STDERR_FILENO),
                               .began_ns = clock_monotonic_ns()};
@@ -198,6 +200,7 @@ int main(int argc, char **argv)
             ? import_compare(arguments.verified, arguments.inputs, arguments.import.input_count,
                              print_comparison, &verification, &diag)
             : import_and_report(&arguments, &diag);
+    import_finish_arguments(&arguments);
     if (r == 0)
         return close_output(verification.beyond ? EX_DATAERR : EX_OK);
     if (display.terminal && !arguments.quiet)

@@ -252,7 +252,19 @@ static int take_line(const char *list, int number, char *line, struct arguments 
     return path ? add_input(arguments, path, &options) : 0;
 }
 
-/* The text stays in memory: paths and options point into it. */
+/* Paths and options point into the lines of lists. */
+static int keep_line(struct arguments *arguments, char *line)
+{
+    char **lines = realloc(arguments->lines, (arguments->line_count + 1) * sizeof(*lines));
+    if (!lines) {
+        free(line);
+        return EX_OSERR;
+    }
+    arguments->lines = lines;
+    lines[arguments->line_count++] = line;
+    return 0;
+}
+
 int import_read_list(const char *path, struct arguments *arguments)
 {
     FILE *file = fopen(path, "r");
@@ -268,7 +280,9 @@ int import_read_list(const char *path, struct arguments *arguments)
             free(line);
             break;
         }
-        r = take_line(path, number, line, arguments);
+        r = keep_line(arguments, line);
+        if (r == 0)
+            r = take_line(path, number, line, arguments);
     }
     fclose(file);
     return r;
@@ -292,4 +306,12 @@ int import_parse_arguments(int argc, char **argv, struct arguments *arguments)
         return EX_USAGE;
     }
     return 0;
+}
+
+void import_finish_arguments(struct arguments *arguments)
+{
+    for (size_t i = 0; i < arguments->line_count; i++)
+        free(arguments->lines[i]);
+    free(arguments->lines);
+    free(arguments->inputs);
 }
