@@ -1,8 +1,8 @@
 #include <errno.h>
 #include <zlib.h>
 
-#include "check.h"
 #include "terrain/symbol_codec.h"
+#include "tests/check.h"
 
 /* A tile, the parent that it is checked with, and the room for what comes of it. */
 static int32_t tile[TILE_POST_COUNT], above[TILE_POST_COUNT], back[TILE_POST_COUNT];

@@ -1,4 +1,4 @@
-#include "check.h"
+#include "tests/check.h"
 #include "tests/pyramid_fixture.h"
 
 static const char *folder;
