@@ -206,7 +206,7 @@ static void test_verify_names_tile(void)
     } cases[] = {
         {"UPDATE tiles SET posts = posts + 1", "checksum"},
         {"UPDATE tiles SET min_m = min_m - 1", "checksum"},
-        {"UPDATE tiles SET error_m = error_m / 2", "checksum"},
+        {"UPDATE tiles SET error_mm = error_mm / 2", "checksum"},
         {"UPDATE tiles SET children = 1", "checksum"},
         {"UPDATE tiles SET start = start + 1", "checksum"},
         {"DELETE FROM tiles", "missing"},
