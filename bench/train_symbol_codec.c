@@ -1,14 +1,14 @@
-/* Trains the tables of the height codec on rasters and writes terrain/symbol_weights.c and
- * terrain/symbol_tables.c:
+/* Trains the tables of the height codec on rasters and writes them as terrain/data has them:
  *
- *   train_symbol_codec WEIGHTS.c TABLES.c FILE:WIDTH:HEIGHT:STEP:NODATA...
+ *   train_symbol_codec FOLDER FILE:WIDTH:HEIGHT:STEP:NODATA...
  *
- * FILE holds rows of float32 (gdal_translate -of ENVI -ot Float32 makes such). Only every second tile
- * is trained on, so that the others can tell how well the tables do on what they have not seen.
+ * FILE holds rows of float32 (gdal_translate -of ENVI -ot Float32 makes such). Only every second
+ * tile is trained on, so that the others can tell how well the tables do on what they have not
+ * seen.
  *
  * Three things are fitted, round by round, each to what the other ones are: sets of linear
- * predictors (weighted least squares within clusters of tiles), the weights of the activity (maximum
- * likelihood of Laplace distributions), and the models' first frequencies (counts). */
+ * predictors (weighted least squares within clusters of tiles), the weights of the activity
+ * (maximum likelihood of Laplace distributions), and the models' first frequencies (counts). */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -17,10 +17,11 @@
 #include "terrain/symbol_models.h"
 #include "terrain/symbol_predict.h"
 
-#define TRAINED_PHASES 3
-#define FEATURES       (FORMS_MAX + ERROR_TAPS_MAX)
-#define ROUNDS         3
-#define FEATURES_KEPT  4000000
+#define TRAINED_PHASES   3
+#define FEATURES         (FORMS_MAX + ERROR_TAPS_MAX)
+#define ROUNDS           4
+#define WEIGHTS_SIZE_MAX 6.5
+#define FEATURES_KEPT    4000000
 
 /* Normal equations of one phase of one tile. */
 struct equations {
@@ -43,7 +44,8 @@ struct trainer {
     double parts[TRAINED_PHASES][FEATURES]; /* weights of forms, then of errors */
     struct features *features[TRAINED_PHASES];
     size_t feature_count[TRAINED_PHASES];
-    double counts[MODEL_COUNT][ENTROPY_SYMBOLS], escapes[ENTROPY_SYMBOLS];
+    double slow[MODEL_SLOW_COUNT][ENTROPY_SYMBOLS], fast[MODEL_FAST_COUNT][ENTROPY_SYMBOLS];
+    double escapes[ENTROPY_SYMBOLS];
     int round;
 };
 
@@ -85,10 +87,10 @@ static struct raster raster_read(const char *spec)
             heights[(raster.height - 1 - (int)(i / (size_t)raster.width)) * raster.width +
                     (int)(i % (size_t)raster.width)] == (float)nodata
                 ? SYMBOL_NONE
-                : (int32_t)lrint(heights[(raster.height - 1 - (int)(i / (size_t)raster.width)) *
-                                             raster.width +
-                                         (int)(i % (size_t)raster.width)] /
-                                 step);
+                : (int32_t)lrint(
+                      heights[(raster.height - 1 - (int)(i / (size_t)raster.width)) * raster.width +
+                              (int)(i % (size_t)raster.width)] /
+                      step);
     free(heights);
     return raster;
 }
@@ -115,8 +117,7 @@ static void raster_tile(const struct raster *raster, int tile_row, int tile_col,
     }
 }
 
-static int32_t tap_value(const int32_t (*planes)[PLANE_ROWS * PLANE_STRIDE], struct tap tap,
-                         int row, int col)
+static int32_t tap_value(const int32_t (*planes)[PLANE_SIZE], struct tap tap, int row, int col)
 {
     return planes[tap.plane][plane_index(row + tap.row, col + tap.col)];
 }
@@ -138,17 +139,20 @@ static void find_parts(const struct symbol_grid *grid, const struct phase_shape 
             (float)tap_value(grid->error, shape->errors[t], row, col) / 16.0f;
 }
 
-static void count_symbol(struct trainer *trainer, double activity, double prediction,
-                         int32_t value)
+static void count_symbol(struct trainer *trainer, enum phase phase, double activity, double forms,
+                         double prediction, int32_t value)
 {
     int32_t nearest = (int32_t)floor(prediction + 0.5);
     int32_t offset = (int32_t)floor((prediction - nearest) * 1024.0), flip = offset >> 31;
-    struct model_choice choice = model_choose((int32_t)(activity * 4096.0), offset ^ flip);
+    struct model_choice choice =
+        model_choose((int32_t)(activity * 4096.0), (int32_t)(forms * 4096.0), offset ^ flip,
+                     phase_shapes[phase].plane - PLANE_CENTRE);
     int32_t difference = ((value - nearest) ^ flip) - flip;
-    int32_t quotient =
-        (difference + ((1 << choice.low_bits) >> 1)) >> choice.low_bits;
+    int32_t quotient = (difference + ((1 << choice.low_bits) >> 1)) >> choice.low_bits;
     bool escape = abs(quotient) > MODEL_MIDDLE;
-    trainer->counts[choice.model][escape ? MODEL_ESCAPE : quotient + MODEL_MIDDLE]++;
+    int symbol = escape ? MODEL_ESCAPE : quotient + MODEL_MIDDLE;
+    trainer->slow[choice.slow][symbol]++;
+    trainer->fast[choice.fast][symbol]++;
     int beyond = abs(quotient) - MODEL_MIDDLE - 1;
     if (escape)
         trainer->escapes[beyond ? 32 - __builtin_clz((unsigned)beyond) : 0]++;
@@ -160,7 +164,7 @@ static double train_post(struct trainer *trainer, struct trained_tile *tile,
                          int32_t value)
 {
     const struct phase_shape *shape = &phase_shapes[phase];
-    double x[TAPS_MAX], around = 0, prediction = 0, activity = 1.0 / 64;
+    double x[TAPS_MAX], around = 0, prediction = 0, activity = 0, forms = 0;
     float parts[FEATURES];
     for (int t = 0; t < 4; t++)
         around += tap_value(grid->value, shape->around[t], row, col) / 4.0;
@@ -169,8 +173,11 @@ static double train_post(struct trainer *trainer, struct trained_tile *tile,
         prediction += trainer->weights[tile->set][phase][t] * x[t];
     }
     find_parts(grid, shape, row, col, parts);
-    for (int f = 0; f < FEATURES; f++)
+    for (int f = 0; f < FEATURES; f++) {
+        if (f == FORMS_MAX)
+            forms = activity;
         activity += trainer->parts[phase][f] * (double)parts[f];
+    }
     double y = value - around, error = fabs(y - prediction);
     double weight = 1.0 / ((activity + 0.3) * (activity + 0.3));
     struct equations *equations = &tile->phases[phase];
@@ -187,7 +194,7 @@ static double train_post(struct trainer *trainer, struct trained_tile *tile,
         trainer->features[phase][kept].error = (float)error;
         trainer->feature_count[phase]++;
     }
-    count_symbol(trainer, activity, around + prediction, value);
+    count_symbol(trainer, phase, activity, forms, around + prediction, value);
     return error;
 }
 
@@ -243,8 +250,8 @@ static size_t train_raster(struct trainer *trainer, const struct raster *fine, s
                 continue;
             if (index == trainer->tile_limit) {
                 trainer->tile_limit = 2 * trainer->tile_limit + 256;
-                trainer->tiles = must(realloc(trainer->tiles,
-                                              trainer->tile_limit * sizeof(*trainer->tiles)));
+                trainer->tiles =
+                    must(realloc(trainer->tiles, trainer->tile_limit * sizeof(*trainer->tiles)));
             }
             raster_tile(fine, row, col, symbols);
             raster_tile(&half, row / 2, col / 2, above);
@@ -317,9 +324,22 @@ static void fit_set(struct trainer *trainer, unsigned set, int phase)
     }
     if (sum.count == 0)
         return;
-    for (int i = 0; i < taps; i++)
-        sum.a[i][i] += 1 + 1e-4 * sum.a[i][i];
-    solve(taps, sum.a, sum.b, trainer->weights[set][phase]);
+    /* Large weights would overflow on wild heights, and fit noise. */
+    double ridge = 1e-4, *weights = trainer->weights[set][phase], size;
+    do {
+        struct equations damped = sum;
+        double total = 0;
+        for (int i = 0; i < taps; i++)
+            damped.a[i][i] += 1 + ridge * sum.a[i][i];
+        solve(taps, damped.a, damped.b, weights);
+        size = 0;
+        for (int i = 0; i < taps; i++) {
+            total += weights[i];
+            size += fabs(weights[i]);
+        }
+        size += fabs(1 - total);
+        ridge *= 4;
+    } while (size > WEIGHTS_SIZE_MAX);
 }
 
 /* Clusters of tiles, each with its own weights. */
@@ -378,6 +398,14 @@ static void fit_activity(struct trainer *trainer, int phase)
         trainer->parts[phase][f] = exp(u[f]);
 }
 
+static void write_line(FILE *file, const int *numbers, int count)
+{
+    fputc('{', file);
+    for (int i = 0; i < count; i++)
+        fprintf(file, "%s%d", i ? ", " : "", numbers[i]);
+    fprintf(file, "},\n");
+}
+
 /* In whole numbers: the weights of a prediction add up to one exactly. */
 static void write_weights(FILE *file, const double *weights, const struct phase_shape *shape)
 {
@@ -396,89 +424,130 @@ static void write_weights(FILE *file, const double *weights, const struct phase_
         sum += whole[t];
     }
     whole[nearest] += (1 << PREDICT_BITS) - sum;
-    fprintf(file, "{");
-    for (int t = 0; t < shape->tap_count; t++)
-        fprintf(file, "%d,", whole[t]);
-    fprintf(file, "},");
-}
-
-static void write_parts(FILE *file, const char *name, const struct trainer *trainer, int first,
-                        int count)
-{
-    fprintf(file, "const int16_t %s[PHASE_COUNT][%s] = {", name,
-            first ? "ERROR_TAPS_MAX" : "FORMS_MAX");
-    for (int phase = 0; phase < TRAINED_PHASES; phase++) {
-        fprintf(file, "{");
-        for (int f = 0; f < count; f++)
-            fprintf(file, "%ld,", lrint(trainer->parts[phase][first + f] * 256));
-        fprintf(file, "},");
-    }
-    fprintf(file, first ? "{64,64},{64,64,32,32}};\n" : "{32,8},{24,8}};\n");
+    write_line(file, whole, shape->tap_count);
 }
 
 static void write_predictors(FILE *file, const struct trainer *trainer)
 {
-    fprintf(file, "/* Written by bench/train_symbol_codec.c. */\n#include \"terrain/symbol_predict.h\""
-                  "\n\nconst int16_t predictor_weights[PREDICTOR_SETS][PHASE_COUNT][TAPS_MAX]={");
     for (int set = 0; set < PREDICTOR_SETS; set++) {
-        fprintf(file, "{");
+        fprintf(file, "{\n");
         for (int phase = 0; phase < TRAINED_PHASES; phase++)
             write_weights(file, trainer->weights[set][phase], &phase_shapes[phase]);
-        fprintf(file, "{0,576,576,-64,-64},{0,576,576,-64,-64}},\n");
+        for (int phase = TRAINED_PHASES; phase < PHASE_COUNT; phase++)
+            write_line(file, (int[]){0, 576, 576, -64, -64}, 5); /* cubic */
+        fprintf(file, "},\n");
     }
-    fprintf(file, "};\n\n");
-    write_parts(file, "form_weights", trainer, 0, FORMS_MAX);
-    write_parts(file, "error_weights", trainer, FORMS_MAX, ERROR_TAPS_MAX);
 }
 
-/* Beginnings from counts, with at least one part for each symbol. */
-static void write_model(FILE *file, const double *counts, double total, const char *after)
+/* The weights of the forms, or of the errors; those of the last two phases are by hand. */
+static void write_parts(FILE *file, const struct trainer *trainer, int first, int count)
 {
-    double below = 0;
-    fprintf(file, "{{");
-    for (int s = 0; s < ENTROPY_SYMBOLS; s++) {
-        fprintf(file, "%d,", (int)(below / total * ENTROPY_REST) + s);
-        below += counts[s];
+    for (int phase = 0; phase < TRAINED_PHASES; phase++) {
+        int whole[FEATURES];
+        for (int f = 0; f < count; f++)
+            whole[f] = (int)lrint(trainer->parts[phase][first + f] * 256);
+        write_line(file, whole, count);
     }
-    fprintf(file, "}}%s\n", after);
+    for (int phase = TRAINED_PHASES; phase < PHASE_COUNT; phase++)
+        write_line(file, first ? (int[]){64, 64, 32, 32} : (int[]){32, 8},
+                   first ? phase_shapes[phase].error_count : 2);
 }
 
-/* Counts are mixed with a Laplace distribution of the model's activity where they are few. */
-static void write_model_of(FILE *file, const struct trainer *trainer, int model)
+/* Beginnings from counts, with at least one part for each symbol. Counts are mixed with a Laplace
+ * distribution of `scale` where they are few. */
+static void write_model(FILE *file, const double *counted, double scale, double offset)
 {
-    double counts[ENTROPY_SYMBOLS], total = 0, scale, offset = 0;
-    int quarter = model / MODEL_PHASES;
-    if (quarter < MODEL_CLASSES) {
-        scale = exp2(quarter / 4 + 2) * (1 + (quarter % 4 + 0.5) / 4) / 256 + 0.05;
-        offset = (model % MODEL_PHASES + 0.5) / (2 * MODEL_PHASES);
-    } else
-        scale = 2 + ((model - MODEL_CLASSES * MODEL_PHASES) % 4 + 0.5) / 2;
+    double counts[ENTROPY_SYMBOLS], total = 0, below = 0;
+    int begins[ENTROPY_SYMBOLS];
     for (int s = 0; s < ENTROPY_SYMBOLS; s++) {
         double away = s == MODEL_ESCAPE ? MODEL_MIDDLE + 2 : fabs(s - MODEL_MIDDLE - offset);
-        counts[s] = trainer->counts[model][s] + 20 * exp(-away / scale) / (2 * scale) + 0.01;
+        counts[s] = counted[s] + 20 * exp(-away / scale) / (2 * scale) + 0.01;
         total += counts[s];
     }
-    write_model(file, counts, total, ",");
+    for (int s = 0; s < ENTROPY_SYMBOLS; s++) {
+        begins[s] = (int)(below / total * ENTROPY_REST) + s;
+        below += counts[s];
+    }
+    write_line(file, begins, ENTROPY_SYMBOLS);
 }
 
-static void write_models(FILE *file, const struct trainer *trainer)
+static void write_slow(FILE *file, const struct trainer *trainer)
 {
-    double total = 0, escapes[ENTROPY_SYMBOLS];
-    fprintf(file, "/* Written by bench/train_symbol_codec.c. */\n#include \"terrain/symbol_models.h\""
-                  "\n\nconst union entropy_model model_first[MODEL_COUNT] = {\n");
-    for (int model = 0; model < MODEL_COUNT; model++)
-        write_model_of(file, trainer, model);
-    fprintf(file, "};\n\nconst union entropy_model model_escape_first =");
+    for (int model = 0; model < MODEL_SLOW_COUNT; model++) {
+        int quarter = model / MODEL_OFFSETS, high = model - MODEL_SLOW_WHOLE;
+        double scale = high < 0 ? exp2(quarter / 4 + 2) * (1 + (quarter % 4 + 0.5) / 4) / 256 + 0.05
+                                : 2 + (high % 4 + 0.5) / 2;
+        double offset = high < 0 ? (model % MODEL_OFFSETS + 0.5) / (2 * MODEL_OFFSETS) : 0;
+        write_model(file, trainer->slow[model], scale, offset);
+    }
+}
+
+static void write_fast(FILE *file, const struct trainer *trainer)
+{
+    for (int model = 0; model < MODEL_FAST_COUNT; model++) {
+        bool whole = model < MODEL_FAST_WHOLE;
+        int octave = model / (MODEL_SHARES * MODEL_PLANES * 3);
+        double scale = whole ? exp2(octave + 2) * 1.5 / 256 + 0.05 : 3;
+        write_model(file, trainer->fast[model], scale, whole ? model % 3 / 5.0 : 0);
+    }
+}
+
+/* Escapes are no Laplace distribution around the middle: a wide one adds little to each. */
+static void write_escapes(FILE *file, const struct trainer *trainer)
+{
+    double escapes[ENTROPY_SYMBOLS];
     for (int s = 0; s < ENTROPY_SYMBOLS; s++)
-        total += escapes[s] = trainer->escapes[s] + 10 * exp2(-s / 2.0) + 0.1;
-    write_model(file, escapes, total, ";");
+        escapes[s] = trainer->escapes[s] + 10 * exp2(-s / 2.0) + 0.1;
+    write_model(file, escapes, 1000, 0);
+}
+
+static FILE *create(const char *folder, const char *name)
+{
+    char path[512];
+    snprintf(path, sizeof(path), "%s/%s", folder, name);
+    FILE *file = fopen(path, "w");
+    if (!file) {
+        perror(path);
+        exit(73);
+    }
+    return file;
+}
+
+static void finish(FILE *file)
+{
+    if (fclose(file) != 0) {
+        perror("cannot write");
+        exit(74);
+    }
+}
+
+static void write_tables(const char *folder, const struct trainer *trainer)
+{
+    FILE *file = create(folder, "symbol_predictors.txt");
+    write_predictors(file, trainer);
+    finish(file);
+    file = create(folder, "symbol_forms.txt");
+    write_parts(file, trainer, 0, FORMS_MAX);
+    finish(file);
+    file = create(folder, "symbol_errors.txt");
+    write_parts(file, trainer, FORMS_MAX, ERROR_TAPS_MAX);
+    finish(file);
+    file = create(folder, "symbol_slow.txt");
+    write_slow(file, trainer);
+    finish(file);
+    file = create(folder, "symbol_fast.txt");
+    write_fast(file, trainer);
+    finish(file);
+    file = create(folder, "symbol_escapes.txt");
+    write_escapes(file, trainer);
+    finish(file);
 }
 
 int main(int argc, char **argv)
 {
     struct trainer *trainer = must(calloc(1, sizeof(*trainer)));
-    if (argc < 4) {
-        fprintf(stderr, "usage: %s WEIGHTS.c TABLES.c FILE:WIDTH:HEIGHT:STEP:NODATA...\n", argv[0]);
+    if (argc < 3) {
+        fprintf(stderr, "usage: %s FOLDER FILE:WIDTH:HEIGHT:STEP:NODATA...\n", argv[0]);
         return 64;
     }
     for (int phase = 0; phase < TRAINED_PHASES; phase++) {
@@ -489,9 +558,10 @@ int main(int argc, char **argv)
     for (trainer->round = 0; trainer->round < ROUNDS; trainer->round++) {
         size_t tiles = 0;
         memset(trainer->feature_count, 0, sizeof(trainer->feature_count));
-        memset(trainer->counts, 0, sizeof(trainer->counts));
+        memset(trainer->slow, 0, sizeof(trainer->slow));
+        memset(trainer->fast, 0, sizeof(trainer->fast));
         memset(trainer->escapes, 0, sizeof(trainer->escapes));
-        for (int i = 3; i < argc; i++) {
+        for (int i = 2; i < argc; i++) {
             struct raster raster = raster_read(argv[i]);
             tiles = train_raster(trainer, &raster, tiles);
             free(raster.symbols);
@@ -503,12 +573,6 @@ int main(int argc, char **argv)
         for (int phase = 0; phase < TRAINED_PHASES && trainer->round > 0; phase++)
             fit_activity(trainer, phase);
     }
-    FILE *weights = fopen(argv[1], "w"), *tables = fopen(argv[2], "w");
-    if (!weights || !tables) {
-        perror("cannot write");
-        return 74;
-    }
-    write_predictors(weights, trainer);
-    write_models(tables, trainer);
-    return fclose(weights) | fclose(tables) ? 74 : 0;
+    write_tables(argv[1], trainer);
+    return 0;
 }

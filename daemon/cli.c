@@ -13,6 +13,7 @@ int cli_exit_status(int error)
     case 0:
         return EX_OK;
     case EINVAL:
+    case EEXIST:
         return EX_USAGE;
     case ENOENT:
     case ENOTDIR:
@@ -32,6 +33,8 @@ int cli_exit_status(int error)
     case ETIMEDOUT:
     case ENETDOWN:
         return EX_UNAVAILABLE;
+    case ECANCELED:
+        return EX_TEMPFAIL;
     case ENOMEM:
         return EX_OSERR;
     default:

@@ -6,6 +6,7 @@
 #include "daemon/status.h"
 
 int import_main(int argc, char **argv);
+int merge_main(int argc, char **argv);
 int info_main(int argc, char **argv);
 int verify_main(int argc, char **argv);
 int height_main(int argc, char **argv);

@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "daemon/commands.h"
+#include "daemon/import_exec.h"
 
 /* otwd-import beside this program, so that a build folder works as an installation does. */
 static void path_beside_us(char *ret_path, size_t size)
@@ -18,7 +19,7 @@ static void path_beside_us(char *ret_path, size_t size)
     snprintf(ret_path, size, "%.*sotwd-import", slash ? (int)(slash - self + 1) : 0, self);
 }
 
-int import_main(int argc, char **argv)
+int import_exec(char **argv)
 {
     char path[PATH_MAX + 16];
     path_beside_us(path, sizeof(path));
@@ -28,4 +29,9 @@ int import_main(int argc, char **argv)
     fprintf(stderr, "otwd: cannot run otwd-import: %s (it is built where GDAL is installed)\n",
             strerror(errno));
     return EX_UNAVAILABLE;
+}
+
+int import_main(int argc, char **argv)
+{
+    return import_exec(argv);
 }

@@ -52,8 +52,12 @@ static void print_info(const struct database_info *info)
     printf("%s: terrain database, format %d\n", info->path, info->version);
     printf("extent        %.6f to %.6f N, %.6f to %.6f E\n", info->south_deg, info->north_deg,
            info->west_deg, info->east_deg);
-    printf("heights       %.1f to %.1f m above EGM96, error at most %g m\n", info->min_m,
+    printf("heights       %.1f to %.1f m above EGM96, error at most %g m, ", info->min_m,
            info->max_m, info->max_error_m);
+    if (info->step_m > 0.0)
+        printf("steps of %g m\n", info->step_m);
+    else
+        printf("lossless\n");
     printf("spacing       %.6g x %.6g arc seconds (latitude x longitude), %.10g posts a degree\n",
            info->finest_lat_step_deg * 3600.0, info->finest_lon_step_deg * 3600.0,
            info->grid.posts_per_degree);
@@ -61,9 +65,9 @@ static void print_info(const struct database_info *info)
            (unsigned long long)info->file_bytes, (unsigned long long)info->posts,
            info->bytes_per_post);
     for (int level = 0; level < info->levels; level++)
-        printf("level %-2d      %llu tiles, %llu bytes\n", level,
+        printf("level %-2d      %llu tiles, %llu bytes, error at most %.1f m\n", level,
                (unsigned long long)info->level[level].tiles,
-               (unsigned long long)info->level[level].bytes);
+               (unsigned long long)info->level[level].bytes, info->level[level].error_m);
     for (size_t i = 0; i < info->source_count; i++) {
         const struct database_source_info *s = &info->sources[i];
         printf("source        %s, %d x %d, %s, priority %d, %s\n", s->name, s->width, s->height,
@@ -88,9 +92,10 @@ static void print_json(const struct database_info *info)
 {
     json_t *levels = json_array();
     for (int level = 0; level < info->levels; level++)
-        json_array_append_new(levels,
-                              json_pack("{s:I,s:I}", "tiles", (json_int_t)info->level[level].tiles,
-                                        "bytes", (json_int_t)info->level[level].bytes));
+        json_array_append_new(levels, json_pack("{s:I,s:I,s:f}", "tiles",
+                                                (json_int_t)info->level[level].tiles, "bytes",
+                                                (json_int_t)info->level[level].bytes, "error_m",
+                                                info->level[level].error_m));
     json_t *root = json_pack(
         "{s:s,s:i,s:f,s:{s:f,s:f,s:f,s:f},s:f,s:f,s:f,s:f,s:f,s:I,s:I,s:f,s:o,s:o}", "path",
         info->path, "format", info->version, "posts_per_degree", info->grid.posts_per_degree,

@@ -21,6 +21,7 @@ static const struct command commands[] = {
     {"replay", replay_main, "a recorded flight, headless"},
     {"demo", demo_main, "the embedded flight over the embedded terrain"},
     {"import", import_main, "GDAL rasters into a terrain database"},
+    {"merge", merge_main, "the shards of an import into one terrain database"},
     {"info", info_main, "what a terrain database holds"},
     {"verify", verify_main, "every tile of a terrain database decoded and checked"},
     {"height", height_main, "terrain height at a place"},

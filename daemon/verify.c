@@ -7,10 +7,15 @@
 
 #include "daemon/cli.h"
 #include "daemon/commands.h"
+#include "daemon/import_exec.h"
 #include "terrain/database.h"
 
+#define AGAINST_ARGUMENTS 16
+
+enum { OPT_AGAINST = 256, OPT_CRS, OPT_NODATA, OPT_GEOID };
+
 struct verify_options {
-    const char *database;
+    const char *database, *against, *crs, *nodata, *geoid;
     bool json, quiet, progress;
     json_t *faults;
 };
@@ -18,6 +23,11 @@ struct verify_options {
 static const struct argp_option known[] = {
     {"json", 'j', NULL, 0, "as JSON", 0},
     {"quiet", 'q', NULL, 0, "only the exit status", 0},
+    {"against", OPT_AGAINST, "SOURCE", 0,
+     "also compare every post that came from this source with it", 0},
+    {"crs", OPT_CRS, "CRS", 0, "of the source, as in its import", 0},
+    {"nodata", OPT_NODATA, "VALUE", 0, "of the source, as in its import", 0},
+    {"geoid", OPT_GEOID, "FILE", 0, "of the source, as in its import", 0},
     {0},
 };
 
@@ -30,6 +40,18 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
         return 0;
     case 'q':
         options->quiet = true;
+        return 0;
+    case OPT_AGAINST:
+        options->against = argument;
+        return 0;
+    case OPT_CRS:
+        options->crs = argument;
+        return 0;
+    case OPT_NODATA:
+        options->nodata = argument;
+        return 0;
+    case OPT_GEOID:
+        options->geoid = argument;
         return 0;
     case ARGP_KEY_ARG:
         if (options->database)
@@ -50,7 +72,7 @@ static const struct argp parser = {
     .parser = parse_option,
     .args_doc = "DB",
     .doc = "Decode and check every tile of a terrain database: checksums, bounds, shared borders, "
-           "agreement of the levels. Each fault is named."
+           "agreement and stated error of the levels. Each fault is named."
            "\vExit status: 0 sound, 64 bad usage, 65 faults or not a terrain database, 66 no such "
            "file.",
 };
@@ -66,6 +88,27 @@ static bool tell(void *user, const struct database_fault *fault, uint64_t done, 
         fprintf(stderr, "\r%llu of %llu tiles", (unsigned long long)done,
                 (unsigned long long)total);
     return false;
+}
+
+/* The source is GDAL's to read: the import program compares. */
+static int verify_against(const struct verify_options *options)
+{
+    const char *arguments[AGAINST_ARGUMENTS] = {"otwd-import", "--verify", options->database};
+    const char *const given[][2] = {
+        {"--crs", options->crs}, {"--nodata", options->nodata}, {"--geoid", options->geoid}};
+    int count = 3;
+    for (int i = 0; i < 3; i++)
+        if (given[i][1]) {
+            arguments[count++] = given[i][0];
+            arguments[count++] = given[i][1];
+        }
+    if (options->json)
+        arguments[count++] = "--json";
+    if (options->quiet)
+        arguments[count++] = "--quiet";
+    arguments[count++] = options->against;
+    fflush(stdout);
+    return import_exec((char **)arguments);
 }
 
 int verify_main(int argc, char **argv)
@@ -97,5 +140,7 @@ int verify_main(int argc, char **argv)
         printf("%s: %llu tiles, %llu faults\n", options.database, (unsigned long long)report.tiles,
                (unsigned long long)report.faults);
     }
-    return report.faults ? EX_DATAERR : EX_OK;
+    if (report.faults)
+        return EX_DATAERR;
+    return options.against ? verify_against(&options) : EX_OK;
 }

@@ -87,7 +87,7 @@ int block_put_heights(struct block *block, struct block_tile *tile, const float 
 {
     symbols_from_heights(heights_m, TILE_POST_COUNT, block->step_m, tile->symbols);
     tile_record_measure(&tile->record, block->grid, tile->symbols, block->step_m);
-    tile->record.error_m = block->max_error_m;
+    tile->record.error_m = tile_error_m(block->max_error_m);
     tile->record.children = 0;
     tile->exists = !isnan(tile->record.min_m);
     return tile->exists && origins ? tile_record_set_origins(&tile->record, origins) : 0;
@@ -123,6 +123,39 @@ static void post_places(const struct grid *grid, struct tile_id id, double *ret_
     }
 }
 
+/* Where a tile's posts lie among its parent's, along both axes. */
+static void place_in_parent(const struct grid *grid, struct tile_id id,
+                            struct between rows[TILE_POSTS], struct between columns[TILE_POSTS])
+{
+    double lat[TILE_POSTS], lon[TILE_POSTS], parent_lat[TILE_POSTS], parent_lon[TILE_POSTS];
+    struct tile_parent place = tile_place_in_parent(grid, id, NULL);
+    post_places(grid, id, lat, lon);
+    post_places(grid, grid_parent(grid, id), parent_lat, parent_lon);
+    place_between(lat, parent_lat, place.row_half, false, rows);
+    place_between(lon, parent_lon, place.col_half, place.same_columns, columns);
+}
+
+bool block_heights_from_parent(const struct grid *grid, struct tile_id id,
+                               const float *parent_heights_m, float *ret_heights_m)
+{
+    struct between rows[TILE_POSTS], columns[TILE_POSTS];
+    bool any = false;
+    place_in_parent(grid, id, rows, columns);
+    for (int row = 0, i = 0; row < TILE_POSTS; row++) {
+        const float *south = parent_heights_m + rows[row].before * TILE_POSTS;
+        const float *north = parent_heights_m + rows[row].after * TILE_POSTS;
+        for (int col = 0; col < TILE_POSTS; col++, i++) {
+            const struct between *at = &columns[col];
+            double a = (double)south[at->before], b = (double)north[at->before];
+            a += ((double)south[at->after] - a) * at->share;
+            b += ((double)north[at->after] - b) * at->share;
+            ret_heights_m[i] = (float)(a + (b - a) * rows[row].share);
+            any |= !isnan(ret_heights_m[i]);
+        }
+    }
+    return any;
+}
+
 static double row_deviation(const float *heights_m, const float *south, const float *north,
                             double share, const struct between *columns)
 {
@@ -141,14 +174,9 @@ static double row_deviation(const float *heights_m, const float *south, const fl
 double block_deviation_m(const struct grid *grid, struct tile_id id, const float *heights_m,
                          const float *parent_heights_m)
 {
-    double lat[TILE_POSTS], lon[TILE_POSTS], parent_lat[TILE_POSTS], parent_lon[TILE_POSTS];
     struct between rows[TILE_POSTS], columns[TILE_POSTS];
-    struct tile_parent place = tile_place_in_parent(grid, id, NULL);
-    post_places(grid, id, lat, lon);
-    post_places(grid, grid_parent(grid, id), parent_lat, parent_lon);
-    place_between(lat, parent_lat, place.row_half, false, rows);
-    place_between(lon, parent_lon, place.col_half, place.same_columns, columns);
     double worst = 0.0;
+    place_in_parent(grid, id, rows, columns);
     for (int row = 0; row < TILE_POSTS; row++) {
         const struct between *at = &rows[row];
         double here =
@@ -239,7 +267,7 @@ static void build_parent(struct block *block, int above, int row_index, struct b
             parent->record.children |= (uint8_t)tile_child_bit(grid, child->record.id);
         }
     }
-    parent->record.error_m = worst_m;
+    parent->record.error_m = tile_error_m(worst_m);
     if (parent->exists)
         tile_record_measure(&parent->record, grid, parent->symbols, block->step_m);
 }

@@ -28,8 +28,12 @@ struct block_row {
     int cols, first;
 };
 
+struct pyramid_plan;
+
 struct block {
     const struct grid *grid;
+    const struct pyramid_plan *plan; /* what else is sampled, NULL: all; of the pyramid's stage */
+    int stage;
     double step_m, max_error_m;
     int base_level, top_level;
     int height; /* levels above the base: BLOCK_LEVELS, or fewer at the grid's top */
@@ -68,3 +72,8 @@ int block_build(struct block *block);
  * its parent over it, metres; places where either has none do not count. */
 double block_deviation_m(const struct grid *grid, struct tile_id id, const float *heights_m,
                          const float *parent_heights_m);
+
+/* A tile as its parent has it: bilinear between the parent's posts. False where no post gets a
+ * height. */
+bool block_heights_from_parent(const struct grid *grid, struct tile_id id,
+                               const float *parent_heights_m, float *ret_heights_m);

@@ -170,7 +170,7 @@ int database_take_record(sqlite3_stmt *row, struct tile_record *ret_record, stru
         .id = tile_id_from_key(sqlite3_column_int64(row, 0)),
         .min_m = height_column(row, 1),
         .max_m = height_column(row, 2),
-        .error_m = sqlite3_column_double(row, 3),
+        .error_m = (double)sqlite3_column_int64(row, 3) / 1000.0,
         .posts = (uint32_t)sqlite3_column_int64(row, 4),
         .children = (uint8_t)sqlite3_column_int64(row, 5),
     };

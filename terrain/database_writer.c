@@ -17,7 +17,7 @@ static const char schema[] =
     " unit_m REAL NOT NULL, level INTEGER NOT NULL,"
     " bytes INTEGER NOT NULL, width INTEGER NOT NULL, height INTEGER NOT NULL,"
     " south REAL NOT NULL, west REAL NOT NULL, north REAL NOT NULL, east REAL NOT NULL);"
-    "CREATE TABLE tiles(key INTEGER PRIMARY KEY, min_m REAL, max_m REAL, error_m REAL NOT NULL,"
+    "CREATE TABLE tiles(key INTEGER PRIMARY KEY, min_m REAL, max_m REAL, error_mm INTEGER NOT NULL,"
     " posts INTEGER NOT NULL, children INTEGER NOT NULL, checksum INTEGER NOT NULL,"
     " pack INTEGER, start INTEGER, size INTEGER, payload BLOB, origin BLOB);"
     "CREATE TABLE packs(id INTEGER PRIMARY KEY, bytes BLOB NOT NULL);";
@@ -110,36 +110,42 @@ static void remove_file(const char *path)
     }
 }
 
+/* All that a part has from the beginning, in a file that is then closed. */
+static int make_part(struct database *database, const struct database_params *params,
+                     const struct database_import *imports, size_t count, struct diag *diag)
+{
+    int r = database_make(database, "PRAGMA page_size=4096", DATABASE_PART_ID, params, diag);
+    if (r == 0)
+        r = database_sql_run(database, "CREATE TABLE done(work INTEGER PRIMARY KEY)", diag);
+    if (r == 0)
+        r = database_set_imports(database, imports, count, diag);
+    if (r == 0)
+        r = database_seal_meta(database, diag);
+    return r == 0 ? database_commit(database, diag) : r;
+}
+
 int database_create_part(const char *path, const struct database_params *params,
+                         const struct database_import *imports, size_t count,
                          struct database **ret_database, struct diag *diag)
 {
-    if (strlen(path) >= DATABASE_NAME_MAX)
+    char made[DATABASE_NAME_MAX];
+    if (strlen(path) + 8 >= DATABASE_NAME_MAX)
         return diag_set(diag, -ENAMETOOLONG, "%s: the name is too long", path);
     struct database *database = calloc(1, sizeof(*database));
     if (!database)
         return -ENOMEM;
-    snprintf(database->path, sizeof(database->path), "%s", path);
-    int r = database_make(database,
-                          "PRAGMA page_size=4096; PRAGMA journal_mode=WAL;"
-                          "PRAGMA synchronous=NORMAL; PRAGMA cache_size=-16384",
-                          DATABASE_PART_ID, params, diag);
-    bool made = r != -EEXIST;
-    if (r == 0)
-        r = database_sql_run(database, "CREATE TABLE done(work INTEGER PRIMARY KEY)", diag);
-    if (r == 0)
-        r = database_seal_meta(database, diag);
-    if (r == 0)
-        r = database_commit(database, diag);
-    if (r == 0)
-        r = database_load_meta(database, diag);
-    if (r == 0) {
-        *ret_database = database;
-        return 0;
-    }
+    snprintf(made, sizeof(made), "%.*s.new", DATABASE_NAME_MAX - 8, path);
+    snprintf(database->path, sizeof(database->path), "%s", made);
+    remove_file(made);
+    int r = make_part(database, params, imports, count, diag);
     database_close(database);
-    if (made)
-        remove_file(path);
-    return r;
+    /* Under its name a part is whole from the first moment. Some file systems have no links. */
+    if (r == 0 && link(made, path) < 0 &&
+        (errno == EEXIST || access(path, F_OK) == 0 || rename(made, path) < 0))
+        r = diag_set(diag, access(path, F_OK) == 0 ? -EEXIST : -errno, "%s: %s", path,
+                     access(path, F_OK) == 0 ? "File exists" : strerror(errno));
+    remove_file(made);
+    return r == 0 ? database_open_part(path, ret_database, diag) : r;
 }
 
 int database_open_part(const char *path, struct database **ret_database, struct diag *diag)
@@ -217,7 +223,7 @@ int database_write_row(struct database *database, const struct tile_record *reco
     sqlite3_bind_int64(statement, 1, tile_key(record->id));
     bind_height(statement, 2, record->min_m);
     bind_height(statement, 3, record->max_m);
-    sqlite3_bind_double(statement, 4, record->error_m);
+    sqlite3_bind_int64(statement, 4, llrint(record->error_m * 1000.0));
     sqlite3_bind_int64(statement, 5, record->posts);
     sqlite3_bind_int64(statement, 6, record->children);
     sqlite3_bind_int64(statement, 7, tile_record_checksum(record));
@@ -264,11 +270,6 @@ int database_mark_done(struct database *database, int64_t work, struct diag *dia
 int database_is_done(struct database *database, int64_t work, struct diag *diag)
 {
     return run_with_number(database, "SELECT 1 FROM done WHERE work = ?1", work, diag);
-}
-
-int database_seal(struct database *database, struct diag *diag)
-{
-    return database_seal_meta(database, diag);
 }
 
 int database_fold_journal(struct database *database, struct diag *diag)

@@ -18,8 +18,20 @@ struct database_params {
     char shard[32];  /* "I/N", or empty */
 };
 
-/* Makes a new part. -EEXIST where the file exists; -EACCES, -ENOENT, -ENOSPC, -EIO. */
+/* The table of sources. `key` tells the same raster from another: its path, size and time, and the
+ * options that it was read with. */
+#define DATABASE_KEY_MAX (DATABASE_NAME_MAX + 160)
+
+struct database_import {
+    int id; /* 1-based */
+    char key[DATABASE_KEY_MAX];
+    struct database_source_info info;
+};
+
+/* Makes a new part with its table of sources. -EEXIST where the file exists; -EACCES, -ENOENT,
+ * -ENOSPC, -EIO. */
 int database_create_part(const char *path, const struct database_params *params,
+                         const struct database_import *imports, size_t count,
                          struct database **ret_database, struct diag *diag);
 
 /* Opens a part for writing. Failures as database_open, and -EBUSY where another process has it. */
@@ -47,25 +59,12 @@ int database_mark_done(struct database *database, int64_t work, struct diag *dia
 /* 1 = it is done, 0 = not, or -errno. */
 int database_is_done(struct database *database, int64_t work, struct diag *diag);
 
-/* The table of sources. `key` tells the same raster from another: its path, size and time, and the
- * options that it was read with. */
-#define DATABASE_KEY_MAX (DATABASE_NAME_MAX + 160)
-
-struct database_import {
-    int id; /* 1-based */
-    char key[DATABASE_KEY_MAX];
-    struct database_source_info info;
-};
-
 /* Writes the table of sources anew. */
 int database_set_imports(struct database *database, const struct database_import *imports,
                          size_t count, struct diag *diag);
 /* All sources in the order of import; the caller frees. */
 int database_list_imports(struct database *database, struct database_import **ret_imports,
                           size_t *ret_count, struct diag *diag);
-
-/* Brings the metadata's checksum up to date, after the table of sources was written. */
-int database_seal(struct database *database, struct diag *diag);
 
 /* Makes a part one file that needs no journal. */
 int database_fold_journal(struct database *database, struct diag *diag);

@@ -9,6 +9,11 @@
 
 #include "terrain/import_internal.h"
 
+/* What all threads and GDAL's cache may take together; the rest is the process itself. A large
+ * cache spares rasters in strips from being unpacked again for every block. */
+#define MEMORY_MIB 400
+#define WORKER_MIB 14
+
 static const char *const vertical_names[] = {
     [IMPORT_EGM96] = "egm96",
     [IMPORT_EGM2008] = "egm2008",
@@ -142,8 +147,14 @@ static void name_import(struct import_job *job)
     hash = add_to_hash(hash, &database->max_error_m, sizeof(database->max_error_m));
     hash = add_to_hash(hash, &database->step_m, sizeof(database->step_m));
     hash = add_to_hash(hash, database->import, strlen(database->import));
+    hash = add_to_hash(hash, &job->params->fill_posts, sizeof(job->params->fill_posts));
     snprintf(job->database.import, sizeof(job->database.import), "%016llx",
              (unsigned long long)hash);
+}
+
+static void part_path(const char *database, char *ret_path, size_t size)
+{
+    snprintf(ret_path, size, "%s" DATABASE_PART_SUFFIX, database);
 }
 
 static void describe_source(const struct import_source *source, struct database_import *import)
@@ -182,9 +193,10 @@ static int number_sources(struct import_job *job, struct diag *diag)
     return 0;
 }
 
-/* The table of sources as it will be. */
-static int write_sources(struct import_job *job, struct diag *diag)
+/* With the table of sources as it will be. */
+static int make_part(struct import_job *job, struct diag *diag)
 {
+    char path[DATABASE_NAME_MAX + 16];
     struct database_import *imports =
         malloc((job->import_count + job->source_count) * sizeof(*imports));
     size_t count = 0;
@@ -196,20 +208,10 @@ static int write_sources(struct import_job *job, struct diag *diag)
     for (size_t i = 0; i < job->source_count; i++)
         if (!job->sources[i].done)
             describe_source(&job->sources[i], &imports[count++]);
-    int r = database_begin(job->part, diag);
-    if (r == 0)
-        r = database_set_imports(job->part, imports, count, diag);
-    if (r == 0)
-        r = database_seal(job->part, diag);
-    if (r == 0)
-        r = database_commit(job->part, diag);
+    part_path(job->params->database, path, sizeof(path));
+    int r = database_create_part(path, &job->database, imports, count, &job->part, diag);
     free(imports);
-    return r;
-}
-
-static void part_path(const char *database, char *ret_path, size_t size)
-{
-    snprintf(ret_path, size, "%s" DATABASE_PART_SUFFIX, database);
+    return r == -ENOENT || r == -EACCES ? -EIO : r; /* not a source that is missing */
 }
 
 static bool part_exists(const struct import_job *job)
@@ -217,6 +219,39 @@ static bool part_exists(const struct import_job *job)
     char path[DATABASE_NAME_MAX + 16];
     part_path(job->params->database, path, sizeof(path));
     return access(path, F_OK) == 0;
+}
+
+static void remove_part(struct import_job *job)
+{
+    char path[DATABASE_NAME_MAX + 32];
+    part_path(job->params->database, path, sizeof(path));
+    database_close(job->part);
+    job->part = NULL;
+    unlink(path);
+    snprintf(path, sizeof(path), "%s" DATABASE_PART_SUFFIX "-wal", job->params->database);
+    unlink(path);
+}
+
+/* An earlier try may have come to its end but for the removal of its part. */
+static int drop_finished_part(struct import_job *job, struct diag *diag)
+{
+    char path[DATABASE_NAME_MAX + 16];
+    struct database_params found, made;
+    struct database *part = NULL;
+    part_path(job->params->database, path, sizeof(path));
+    if (!job->old || access(path, F_OK) < 0)
+        return 0;
+    int r = database_open_part(path, &part, diag);
+    if (r == 0)
+        r = database_get_params(part, &found, diag);
+    if (r == 0)
+        r = database_get_params(job->old, &made, diag);
+    job->part = part;
+    if (r == 0 && strcmp(found.import, made.import) == 0)
+        remove_part(job);
+    database_close(job->part);
+    job->part = NULL;
+    return r;
 }
 
 /* The part that an earlier try left, if it is one of this import. */
@@ -236,16 +271,6 @@ static int open_part(struct import_job *job, struct diag *diag)
                      path);
     job->result.resumed = r == 0;
     return r;
-}
-
-static int make_part(struct import_job *job, struct diag *diag)
-{
-    char path[DATABASE_NAME_MAX + 16];
-    part_path(job->params->database, path, sizeof(path));
-    int r = database_create_part(path, &job->database, &job->part, diag);
-    if (r == 0)
-        r = write_sources(job, diag);
-    return r == -ENOENT || r == -EACCES ? -EIO : r; /* not a source that is missing */
 }
 
 /* The areas of the new sources and of those that they replace, then of all that the database has.
@@ -315,17 +340,6 @@ static int sample(struct import_job *job, struct pyramid_params *pyramid, struct
     return r;
 }
 
-static void remove_part(struct import_job *job)
-{
-    char path[DATABASE_NAME_MAX + 32];
-    part_path(job->params->database, path, sizeof(path));
-    database_close(job->part);
-    job->part = NULL;
-    unlink(path);
-    snprintf(path, sizeof(path), "%s" DATABASE_PART_SUFFIX "-wal", job->params->database);
-    unlink(path);
-}
-
 /* All levels, then the database in place of the old one. */
 static int finish(struct import_job *job, struct pyramid_params *pyramid, struct diag *diag)
 {
@@ -384,6 +398,8 @@ static int run(struct import_job *job, struct diag *diag)
     int r = import_list_sources(job, diag);
     if (r == 0)
         r = open_old(job, diag);
+    if (r == 0)
+        r = drop_finished_part(job, diag);
     if (r < 0)
         return r;
     drop_twins(job);
@@ -425,7 +441,7 @@ int import_run(const struct import_params *params, struct import_result *ret_res
     job->jobs = params->jobs ? params->jobs : processors > 0 ? (unsigned)processors : 1;
     if (job->jobs > PYRAMID_JOBS_MAX)
         job->jobs = PYRAMID_JOBS_MAX;
-    raster_start_up();
+    raster_start_up(MEMORY_MIB - (int)job->jobs * WORKER_MIB);
     int r = run(job, diag);
     if (r == 0)
         *ret_result = job->result;

@@ -50,11 +50,15 @@ struct import_input {
     struct import_options options;
 };
 
+#define IMPORT_FILL_DEFAULT 100
+#define IMPORT_FILL_MAX     256
+
 struct import_params {
     const struct import_input *inputs;
     size_t input_count;
     const char *database;        /* made where it is missing, added to where it exists */
     const double *max_error_m;   /* NULL: 0.5, or the database's own */
+    int fill_posts;              /* voids up to so many posts wide are filled; 0: none */
     unsigned jobs;               /* threads; 0: one for each processor */
     unsigned shard, shard_count; /* shard 0 .. shard_count - 1; shard_count 0: all of it */
     import_progress_function progress;
@@ -76,3 +80,22 @@ int import_run(const struct import_params *params, struct import_result *ret_res
 /* "egm96", ... and back; -EINVAL. */
 const char *import_vertical_name(enum import_vertical vertical);
 int import_vertical_from_name(const char *name, enum import_vertical *ret_vertical);
+
+/* How a source and a database agree. */
+struct import_comparison {
+    uint64_t posts;     /* that came from the source */
+    uint64_t elsewhere; /* that it has, but where another covers it */
+    uint64_t beyond;    /* further from the source than the bound, or missing */
+    double worst_m;     /* largest difference */
+    double max_error_m; /* the bound */
+    bool exact;         /* the source's own posts; else as resampled to the grid */
+    struct diag first;  /* of those beyond, the first: where it is */
+};
+
+/* Compares every post of a database that came from these sources with them, read with these options
+ * (crs and nodata as in the import; vertical and priority are the database's). -EINVAL for a file
+ * that the database was not made from. Called once a source: `function`; non-zero stops. */
+int import_compare(const char *database, const struct import_input *inputs, size_t count,
+                   int (*function)(void *user, const char *source,
+                                   const struct import_comparison *comparison),
+                   void *user, struct diag *diag);

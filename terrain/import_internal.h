@@ -41,6 +41,24 @@ int import_list_sources(struct import_job *job, struct diag *diag);
 /* Chooses grid and step of a new database, or checks that the old one can take the sources. */
 int import_choose_grid(struct import_job *job, struct diag *diag);
 
+#define IMPORT_GEOIDS_MAX 4
+
+/* Geoids that were needed so far; zeros at first. One thread. */
+struct import_datum {
+    struct geoid *egm96;
+    struct import_geoid {
+        const char *path;
+        struct geoid *geoid;
+    } geoids[IMPORT_GEOIDS_MAX];
+};
+
+/* Brings heights on a lattice to EGM96: an ellipsoidal height loses the undulation; one above
+ * another geoid first becomes ellipsoidal. */
+int import_datum_apply(struct import_datum *datum, const struct import_options *options,
+                       const struct grid *grid, const struct raster_lattice *lattice,
+                       float *heights_m, struct diag *diag);
+void import_datum_finish(struct import_datum *datum);
+
 /* What samples blocks: one for all workers. */
 struct import_sampler;
 

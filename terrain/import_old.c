@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "terrain/database_internal.h"
 #include "terrain/tile_cache.h"
 
 #define CACHE_TILES  160 /* two rows of a block and what lies above them */
@@ -135,8 +136,9 @@ int import_old_row(struct import_old *old, const struct raster_lattice *lattice,
         int status, r = origins_of(old, id, &origins, diag);
         const float *heights_m = r == 0 ? tile_cache_look(old->cache, id, &status) : NULL;
         if (r == 0 && status < 0)
-            r = diag_set(diag, -EBADMSG, "tile level %d row %d column %d is damaged", id.level,
-                         id.row, id.col);
+            r = diag_set(diag, -EBADMSG,
+                         "%s: tile level %d row %d column %d is damaged: see otwd verify",
+                         old->database->path, id.level, id.row, id.col);
         if (r < 0)
             return r;
         for (int i = 0; heights_m && i < count; i++) {

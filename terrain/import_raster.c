@@ -11,11 +11,11 @@
 
 #include "terrain/import_raster_internal.h"
 
-void raster_start_up(void)
+void raster_start_up(int cache_mib)
 {
     GDALAllRegister();
     CPLSetErrorHandler(CPLQuietErrorHandler);
-    GDALSetCacheMax64(INT64_C(64) << 20);
+    GDALSetCacheMax64((GIntBig)cache_mib << 20);
     CPLSetConfigOption("OGR_CT_FORCE_TRADITIONAL_GIS_ORDER", "NO");
 }
 

@@ -73,8 +73,9 @@ struct raster_lattice {
 int raster_sample(struct raster *raster, const struct grid *grid,
                   const struct raster_lattice *lattice, float *ret_heights_m, struct diag *diag);
 
-/* Once for the process, before anything else here. GDAL's messages are kept, not printed. */
-void raster_start_up(void);
+/* Once for the process, before anything else here, with the size of GDAL's cache. GDAL's messages
+ * are kept, not printed. */
+void raster_start_up(int cache_mib);
 
 /* The rasters that an argument stands for: itself, or what a .zip holds (GDAL's own reading of
  * .hgt.zip included). Calls `function` for each; -EBADMSG where there is none. */

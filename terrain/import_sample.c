@@ -5,12 +5,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "geo/egm96.h"
+#include "terrain/import_fill.h"
 #include "terrain/import_internal.h"
 #include "terrain/import_old.h"
 
 #define RASTERS_OPEN 12 /* a worker */
-#define GEOIDS_OPEN  4
 #define STRIP_ROWS   64 /* sampled at once from one source */
 #define EDGE_CELLS   0.01
 
@@ -18,11 +17,6 @@ struct open_raster {
     size_t source;
     struct raster *raster;
     uint64_t used;
-};
-
-struct open_geoid {
-    const char *path;
-    struct geoid *geoid;
 };
 
 /* Heights on a lattice, and where each came from. */
@@ -35,8 +29,7 @@ struct region {
 
 struct worker {
     struct open_raster rasters[RASTERS_OPEN];
-    struct geoid *egm96;
-    struct open_geoid geoids[GEOIDS_OPEN];
+    struct import_datum datum;
     struct import_old *old;
     struct region region;
     float *strip_m; /* of one source, or a row of the old database */
@@ -83,56 +76,6 @@ static int open_raster(struct import_sampler *sampler, struct worker *worker, si
                                      source->options->has_nodata ? &source->options->nodata : NULL};
     int r = raster_open(source->path, &options, &oldest->raster, diag);
     *ret_raster = oldest->raster;
-    return r;
-}
-
-static int open_geoid(struct worker *worker, const char *path, struct geoid **ret_geoid,
-                      struct diag *diag)
-{
-    for (int i = 0; i < GEOIDS_OPEN; i++) {
-        struct open_geoid *open = &worker->geoids[i];
-        if (!open->geoid) {
-            int r = geoid_open(path, &open->geoid, diag);
-            open->path = path;
-            if (r < 0)
-                return r;
-        }
-        if (strcmp(open->path, path) == 0) {
-            *ret_geoid = open->geoid;
-            return 0;
-        }
-    }
-    return diag_set(diag, -E2BIG, "more than %d geoids in one import", GEOIDS_OPEN);
-}
-
-/* Brings heights to EGM96: an ellipsoidal height loses the undulation; one above another geoid
- * first becomes ellipsoidal. */
-static int heights_to_egm96(struct worker *worker, const struct import_options *options,
-                            const struct grid *grid, const struct raster_lattice *lattice,
-                            float *heights_m, struct diag *diag)
-{
-    struct geoid *own = NULL;
-    int r = 0;
-    if (options->vertical == IMPORT_EGM96)
-        return 0;
-    if (!worker->egm96)
-        r = egm96_open(&worker->egm96, diag);
-    if (r == 0 && options->vertical != IMPORT_ELLIPSOID)
-        r = open_geoid(worker, options->geoid_path, &own, diag);
-    for (int row = 0; r == 0 && row < lattice->rows; row++) {
-        double lat_deg = grid_post_lat_deg(grid, lattice->level, lattice->row0 + row);
-        for (int col = 0; col < lattice->cols; col++) {
-            float *height_m = &heights_m[(size_t)row * (size_t)lattice->cols + (size_t)col];
-            if (isnan(*height_m))
-                continue;
-            double lon_deg =
-                grid_post_lon_deg(grid, lattice->level, lattice->shift, lattice->col0 + col);
-            double shift_m = -geoid_undulation_m(worker->egm96, lat_deg, lon_deg);
-            if (own)
-                shift_m += geoid_undulation_m(own, lat_deg, lon_deg);
-            *height_m = (float)((double)*height_m + shift_m);
-        }
-    }
     return r;
 }
 
@@ -206,7 +149,8 @@ static int add_source(struct import_sampler *sampler, struct worker *worker, siz
             continue;
         r = raster_sample(raster, grid, &strip, worker->strip_m, diag);
         if (r == 0)
-            r = heights_to_egm96(worker, source->options, grid, &strip, worker->strip_m, diag);
+            r = import_datum_apply(&worker->datum, source->options, grid, &strip, worker->strip_m,
+                                   diag);
         size_t count = (size_t)strip.rows * (size_t)strip.cols;
         for (size_t i = 0; r == 0 && i < count; i++) {
             if (isnan(worker->strip_m[i]) || !isnan(region->heights_m[at + i]))
@@ -219,9 +163,33 @@ static int add_source(struct import_sampler *sampler, struct worker *worker, siz
     return r;
 }
 
+/* Whether a post of the lattice is one of a tile that is not sampled here. `block` may be NULL. */
+static bool stays(const struct block *block, const struct raster_lattice *lattice, int row, int col)
+{
+    if (!block)
+        return false;
+    const struct grid *grid = block->grid;
+    int64_t around = grid_cells_around(grid, lattice->level, lattice->shift);
+    int64_t post_row = lattice->row0 + row, post_col = lattice->col0 + col;
+    post_col -= grid_floor_div(post_col, around) * around;
+    int32_t tile_row = (int32_t)grid_floor_div(post_row, TILE_CELLS);
+    int32_t tile_col = (int32_t)(post_col / TILE_CELLS);
+    for (int side = 0; side < 4; side++) { /* a post on a border is one of several tiles */
+        int32_t r = tile_row - side / 2, c = tile_col - side % 2;
+        if ((side / 2 && post_row % TILE_CELLS) || (side % 2 && post_col % TILE_CELLS))
+            continue;
+        c = c < 0 ? grid_tile_cols(grid, lattice->level, lattice->shift) - 1 : c;
+        struct tile_id id = {lattice->level, r, c};
+        if (grid_has_tile(grid, id) && !pyramid_samples(block, id))
+            return true;
+    }
+    return false;
+}
+
 /* Lays what the database has over the new sources or under them, as their priorities say. What had
- * been filled from around is filled anew. */
-static int add_old(struct import_sampler *sampler, struct worker *worker, struct diag *diag)
+ * been filled from around is filled anew, except in tiles that stay. */
+static int add_old(struct import_sampler *sampler, struct worker *worker, const struct block *block,
+                   struct diag *diag)
 {
     struct region *region = &worker->region;
     int r = 0;
@@ -233,7 +201,8 @@ static int add_old(struct import_sampler *sampler, struct worker *worker, struct
             uint16_t origin = worker->strip_origins[col];
             struct rank old = sampler->ranks[origin & TILE_ORIGIN_SOURCE];
             struct rank new = sampler->ranks[region->origins[at] & TILE_ORIGIN_SOURCE];
-            if (isnan(worker->strip_m[col]) || old.replaced || origin == TILE_ORIGIN_MADE ||
+            if (isnan(worker->strip_m[col]) || old.replaced ||
+                (origin == TILE_ORIGIN_MADE && !stays(block, &region->lattice, row, col)) ||
                 (!isnan(region->heights_m[at]) && new.priority >= old.priority))
                 continue;
             region->heights_m[at] = worker->strip_m[col];
@@ -244,7 +213,8 @@ static int add_old(struct import_sampler *sampler, struct worker *worker, struct
 }
 
 static int fill_region(struct import_sampler *sampler, struct worker *worker,
-                       const struct raster_lattice *lattice, struct diag *diag)
+                       const struct block *block, const struct raster_lattice *lattice,
+                       struct diag *diag)
 {
     const struct import_job *job = sampler->job;
     const struct grid *grid = database_grid(job->part);
@@ -256,7 +226,7 @@ static int fill_region(struct import_sampler *sampler, struct worker *worker,
     if (r == 0 && job->old && !worker->old)
         r = import_old_open(job->params->database, &worker->old, diag);
     if (r == 0 && job->old)
-        r = add_old(sampler, worker, diag);
+        r = add_old(sampler, worker, block, diag);
     return r;
 }
 
@@ -295,7 +265,7 @@ static int take_tile(struct block *block, const struct region *region, struct bl
         for (int col = 0; col < TILE_POSTS; col++, i++) {
             int64_t at = from + (col < last_col ? col : last_col);
             heights_m[i] = region->heights_m[at];
-            origins[i] = region->origins[at];
+            origins[i] = isnan(heights_m[i]) ? 0 : region->origins[at];
         }
     }
     return block_put_heights(block, tile, heights_m, origins);
@@ -327,6 +297,60 @@ static bool lattice_of_row(const struct block *block, const struct block_row *ro
     return true;
 }
 
+static bool has_voids(const struct region *region)
+{
+    size_t count = (size_t)region->lattice.rows * (size_t)region->lattice.cols;
+    for (size_t i = 0; i < count; i++)
+        if (isnan(region->heights_m[i]))
+            return true;
+    return false;
+}
+
+/* A row's lattice and so much around it that every void that may be filled is in it. It ends where
+ * the longitude factor changes: what goes on beyond is left void on both sides. */
+static void widen(const struct block *block, const struct block_row *row, int posts,
+                  struct raster_lattice *lattice)
+{
+    const struct grid *grid = block->grid;
+    int level = block->base_level;
+    int64_t south = lattice->row0 - posts, north = lattice->row0 + lattice->rows - 1 + posts;
+    for (int32_t r = row->row; r * (int64_t)TILE_CELLS > south; r--)
+        if (r == grid_first_tile_row(grid, level) ||
+            grid_lon_shift(grid, level, r - 1) != lattice->shift)
+            south = r * (int64_t)TILE_CELLS;
+    for (int32_t r = row->row; (r + 1) * (int64_t)TILE_CELLS < north; r++)
+        if (r == grid_last_tile_row(grid, level) ||
+            grid_lon_shift(grid, level, r + 1) != lattice->shift)
+            north = (r + 1) * (int64_t)TILE_CELLS;
+    south = south < grid_first_row(grid, level) ? grid_first_row(grid, level) : south;
+    north = north > grid_last_row(grid, level) ? grid_last_row(grid, level) : north;
+    lattice->row0 = south;
+    lattice->rows = (int)(north - south) + 1;
+    lattice->col0 -= posts;
+    lattice->cols += 2 * posts;
+}
+
+/* Samples a row again with what lies around it, and fills its voids. */
+static int fill_row_voids(struct import_sampler *sampler, struct worker *worker,
+                          const struct block *block, const struct block_row *row,
+                          const struct raster_lattice *lattice, struct diag *diag)
+{
+    struct raster_lattice wide = *lattice;
+    struct region *region = &worker->region;
+    int widest = sampler->job->params->fill_posts;
+    widen(block, row, widest + 1, &wide);
+    int r = fill_region(sampler, worker, block, &wide, diag);
+    for (int i = 0; r == 0 && i < wide.rows; i++)
+        for (int j = 0; j < wide.cols; j++) {
+            size_t at = (size_t)i * (size_t)wide.cols + (size_t)j;
+            if (isnan(region->heights_m[at]) && stays(block, &wide, i, j))
+                region->origins[at] = FILL_OPEN;
+        }
+    if (r == 0)
+        r = fill_voids(region->heights_m, region->origins, wide.rows, wide.cols, widest);
+    return r;
+}
+
 int import_sample_block(void *user, unsigned index, struct block *block, struct diag *diag)
 {
     struct import_sampler *sampler = user;
@@ -337,7 +361,9 @@ int import_sample_block(void *user, unsigned index, struct block *block, struct 
         struct raster_lattice lattice;
         if (!lattice_of_row(block, row, &lattice))
             continue;
-        r = fill_region(sampler, worker, &lattice, diag);
+        r = fill_region(sampler, worker, block, &lattice, diag);
+        if (r == 0 && sampler->job->params->fill_posts > 0 && has_voids(&worker->region))
+            r = fill_row_voids(sampler, worker, block, row, &lattice, diag);
         set_poles(sampler, &worker->region);
         for (int col = 0; r == 0 && col < row->cols; col++)
             if (block->tiles[row->first + col].wanted)
@@ -372,7 +398,7 @@ static int find_poles(struct import_sampler *sampler, struct diag *diag)
         sampler->poles[pole].height_m = NAN;
         for (; r == 0 && lattice.col0 <= around && isnan(sampler->poles[pole].height_m);
              lattice.col0 += lattice.cols) {
-            r = fill_region(sampler, worker, &lattice, diag);
+            r = fill_region(sampler, worker, NULL, &lattice, diag);
             for (int col = 0; r == 0 && col < lattice.cols; col++)
                 if (!isnan(worker->region.heights_m[col])) {
                     sampler->poles[pole] = (struct import_pole){worker->region.heights_m[col],
@@ -422,9 +448,7 @@ void import_sampler_destroy(struct import_sampler *sampler)
         struct worker *worker = &sampler->workers[i];
         for (int j = 0; j < RASTERS_OPEN; j++)
             raster_close(worker->rasters[j].raster);
-        for (int j = 0; j < GEOIDS_OPEN; j++)
-            geoid_close(worker->geoids[j].geoid);
-        geoid_close(worker->egm96);
+        import_datum_finish(&worker->datum);
         import_old_close(worker->old);
         free(worker->region.heights_m);
         free(worker->region.origins);

@@ -71,17 +71,9 @@ static int make_part(struct merge *merge, const char *path, struct database_para
     size_t count = 0;
     params->shard[0] = '\0';
     unlink(path); /* what an earlier try left is made again: it is the smaller part of the work */
-    int r = database_create_part(path, params, &merge->part, diag);
+    int r = database_list_imports(merge->shards[0], &imports, &count, diag);
     if (r == 0)
-        r = database_list_imports(merge->shards[0], &imports, &count, diag);
-    if (r == 0)
-        r = database_begin(merge->part, diag);
-    if (r == 0)
-        r = database_set_imports(merge->part, imports, count, diag);
-    if (r == 0)
-        r = database_seal(merge->part, diag);
-    if (r == 0)
-        r = database_commit(merge->part, diag);
+        r = database_create_part(path, params, imports, count, &merge->part, diag);
     free(imports);
     return r;
 }

@@ -51,6 +51,7 @@ static int prepare_worker(struct build *build, struct worker *worker, struct dia
         r = database_open(build->params->old, &worker->old, diag);
     if (r == 0 && worker->old)
         r = tile_cache_create(worker->old, OLD_CACHE_TILES, &worker->cache);
+    worker->block.plan = &build->plan;
     worker->ready = r == 0;
     return r;
 }
@@ -80,7 +81,8 @@ static int read_old(struct worker *worker, struct block_tile *tile, struct diag 
     const float *heights_m = tile_cache_look(worker->cache, id, &status);
     if (status != 0) {
         tile_record_finish(&record);
-        return diag_set(diag, -EBADMSG, "tile level %d row %d column %d is damaged", id.level,
+        return diag_set(diag, -EBADMSG,
+                        "tile level %d row %d column %d of the old database is damaged", id.level,
                         id.row, id.col);
     }
     symbols_from_heights(heights_m, TILE_POST_COUNT, worker->block.step_m, tile->symbols);
@@ -112,6 +114,7 @@ static int fill_base(struct build *build, struct worker *worker, unsigned index,
     struct block *block = &worker->block;
     bool any = false;
     int r = 0;
+    block->stage = build->stage;
     for (int i = 0; r >= 0 && i < block->tile_count; i++) {
         struct block_tile *tile = &block->tiles[i];
         if (tile->record.id.level != block->base_level)
@@ -351,6 +354,14 @@ static int run(const struct pyramid_params *params,
         params->progress(params->user, build.total, build.total);
     finish(&build);
     return r;
+}
+
+bool pyramid_samples(const struct block *block, struct tile_id id)
+{
+    if (!block->plan)
+        return true;
+    return pyramid_plan_samples(block->plan, block->stage, id) &&
+           (block->stage > 0 || pyramid_plan_has_block(block->plan, 0, id));
 }
 
 int pyramid_sample(const struct pyramid_params *params, struct diag *diag)

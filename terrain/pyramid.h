@@ -44,6 +44,10 @@ struct pyramid_params {
     void *user;
 };
 
+/* Whether a tile of the base level, in the block or beyond, is sampled on the block's stage too:
+ * others are what they are already. Any thread. */
+bool pyramid_samples(const struct block *block, struct tile_id id);
+
 /* The first level that needs no coarser one: at most four tiles there touch the areas. */
 int pyramid_top_level(const struct grid *grid, const struct pyramid_area *areas, size_t count);
 

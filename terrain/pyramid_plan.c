@@ -248,3 +248,9 @@ bool pyramid_plan_samples(const struct pyramid_plan *plan, int stage, struct til
         return true;
     return tile_set_has(&plan->touched[stage], id) && !tile_set_has(&plan->blocks[stage - 1], id);
 }
+
+bool pyramid_plan_has_block(const struct pyramid_plan *plan, int stage, struct tile_id id)
+{
+    return tile_set_has(&plan->blocks[stage],
+                        ancestor(plan->grid, id, root_level(plan->grid, stage)));
+}

@@ -35,3 +35,6 @@ void pyramid_plan_finish(struct pyramid_plan *plan);
 
 /* Whether a tile of a stage's base level is sampled in its own right. */
 bool pyramid_plan_samples(const struct pyramid_plan *plan, int stage, struct tile_id id);
+
+/* Whether a tile of a stage's base level lies in one of its blocks. */
+bool pyramid_plan_has_block(const struct pyramid_plan *plan, int stage, struct tile_id id);

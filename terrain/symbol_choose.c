@@ -22,7 +22,7 @@ CLONES static int64_t row_cost(const struct symbol_grid *grid, enum phase phase,
         int32_t sum = 0;
         for (int j = i; j < i + RUN; j++) {
             int32_t off =
-                predicted.values[j] + west_weight * values[j - 1] - (values[j] << PREDICT_BITS);
+                predicted.values[j] + west_weight * values[j - 1] - values[j] * (1 << PREDICT_BITS);
             sum += (abs(off) >> 6) & has_data[j];
         }
         cost += bits_from_float((float)(sum + LEAST));

@@ -51,8 +51,11 @@ static int32_t take_int32(const uint8_t *from)
 
 static void coder_init(struct symbol_coder *coder, int32_t *symbols, bool encoding)
 {
-    memcpy(coder->models, model_first, sizeof(coder->models));
-    coder->escape = model_escape_first;
+    memset(&coder->grid, 0, sizeof(coder->grid));
+    memcpy(coder->slow, model_slow_first, sizeof(coder->slow));
+    memcpy(coder->fast, model_fast_first, sizeof(coder->fast));
+    for (int i = 0; i < 2; i++)
+        memcpy(&coder->escape[i], model_escape_first, sizeof(model_escape_first));
     for (int i = 0; i < PHASE_COUNT; i++)
         coder->flat_rows[i] = ENTROPY_TOTAL / 2;
     for (int i = 0; i < MASK_CONTEXTS; i++)
@@ -142,10 +145,9 @@ size_t symbols_encode(const int32_t *symbols, const struct tile_parent *parent,
     }
     coder.grid.cells = PLANE_CELLS;
     grid_load(&coder.grid, PLANE_KNOWN,
-              parent ? window_of_parent(parent, PLANE_KNOWN) : window_of_tile(symbols, PLANE_CELLS));
+              parent ? window_of_parent(parent, PLANE_KNOWN)
+                     : window_of_tile(symbols, PLANE_CELLS));
     coder.set = symbol_choose_set(&coder.grid, symbols);
-    if(getenv("FS"))coder.set=atoi(getenv("FS"));
-    if(getenv("ALL")){ size_t bs=1e9; unsigned b=0; for(unsigned k=0;k<16;k++){ coder_init(&coder, (int32_t *)(uintptr_t)symbols, true); coder.set=k; size_t z=encode_coded(&coder, parent, with_base, ret_payload); if(z&&z<bs){bs=z;b=k;} } coder.set=b; coder_init(&coder, (int32_t *)(uintptr_t)symbols, true); }
     size_t size = encode_coded(&coder, parent, with_base, ret_payload);
     return size ? size : encode_raw(symbols, parent, ret_payload);
 }

@@ -9,7 +9,7 @@
 
 struct symbol_coder {
     struct symbol_grid grid;
-    union entropy_model models[MODEL_COUNT], escape;
+    union entropy_model slow[MODEL_SLOW_COUNT], fast[MODEL_FAST_COUNT], escape[2];
     entropy_bit_model flat_rows[PHASE_COUNT], mask[MASK_CONTEXTS], mask_repeats[2];
     struct entropy_encoder encoder;
     struct entropy_decoder decoder;

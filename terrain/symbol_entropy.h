@@ -115,58 +115,73 @@ static inline bool entropy_take_bit(struct entropy_decoder *decoder, entropy_bit
     return bit;
 }
 
-/* How fast a model follows what comes. */
-#define ENTROPY_RATE 8
 #define ENTROPY_REST (ENTROPY_TOTAL - ENTROPY_SYMBOLS)
 
-/* Moves the beginnings up to `symbol`'s towards 0, 1, 2 ... and those after it towards the total.
- */
-static inline void entropy_adapt(union entropy_model *model, int symbol)
+/* Moves the beginnings up to `symbol`'s towards 0, 1, 2 ... and those after it towards the total,
+ * by 2^-rate of the way. */
+static inline void entropy_adapt(union entropy_model *model, int symbol, int rate)
 {
     static const entropy_lanes first = {0, 1, 2, 3, 4, 5, 6, 7};
     entropy_lanes place = first;
     for (int i = 0; i < ENTROPY_SYMBOLS / 8; i++, place += 8) {
         entropy_lanes target = place + ((place > (int16_t)symbol) & (int16_t)ENTROPY_REST);
-        model->lanes[i] += (target - model->lanes[i]) >> ENTROPY_RATE;
+        model->lanes[i] += (target - model->lanes[i]) >> rate;
     }
 }
 
-static inline uint32_t entropy_end(const union entropy_model *model, int symbol)
+/* Two models of the same symbol, and how fast each follows what comes: the mean of both counts. */
+struct entropy_pair {
+    union entropy_model *slow, *fast;
+};
+#define ENTROPY_SLOW 8
+#define ENTROPY_FAST 7
+
+static inline uint32_t entropy_begin(struct entropy_pair pair, int symbol)
 {
-    return symbol == ENTROPY_SYMBOLS - 1 ? ENTROPY_TOTAL : (uint32_t)model->begin[symbol + 1];
+    if (symbol == ENTROPY_SYMBOLS)
+        return ENTROPY_TOTAL;
+    return (uint32_t)(pair.slow->begin[symbol] + pair.fast->begin[symbol] + 1) >> 1;
 }
 
-static inline void entropy_put_symbol(struct entropy_encoder *encoder, union entropy_model *model,
+static inline void entropy_adapt_pair(struct entropy_pair pair, int symbol)
+{
+    entropy_adapt(pair.slow, symbol, ENTROPY_SLOW);
+    entropy_adapt(pair.fast, symbol, ENTROPY_FAST);
+}
+
+static inline void entropy_put_symbol(struct entropy_encoder *encoder, struct entropy_pair pair,
                                       int symbol)
 {
-    uint32_t begin = (uint32_t)model->begin[symbol];
-    entropy_put(encoder, begin, entropy_end(model, symbol) - begin);
-    entropy_adapt(model, symbol);
+    uint32_t begin = entropy_begin(pair, symbol);
+    entropy_put(encoder, begin, entropy_begin(pair, symbol + 1) - begin);
+    entropy_adapt_pair(pair, symbol);
 }
 
 /* Which symbol begins last at or before the slot. */
-static inline int entropy_find(const union entropy_model *model, uint32_t slot)
+static inline int entropy_find(struct entropy_pair pair, uint32_t slot)
 {
 #ifdef __SSE2__
-    const __m128i *begin = (const __m128i *)(const void *)model->lanes;
-    __m128i at = _mm_set1_epi16((int16_t)slot);
-    __m128i low = _mm_packs_epi16(_mm_cmpgt_epi16(begin[0], at), _mm_cmpgt_epi16(begin[1], at));
-    __m128i high = _mm_packs_epi16(_mm_cmpgt_epi16(begin[2], at), _mm_cmpgt_epi16(begin[3], at));
-    uint32_t later = (uint32_t)_mm_movemask_epi8(low) | (uint32_t)_mm_movemask_epi8(high) << 16;
-    return 31 - __builtin_clz(~later);
+    const __m128i *slow = (const __m128i *)(const void *)pair.slow->lanes;
+    const __m128i *fast = (const __m128i *)(const void *)pair.fast->lanes;
+    __m128i at = _mm_set1_epi16((int16_t)slot), after[4];
+    for (int i = 0; i < 4; i++)
+        after[i] = _mm_cmpgt_epi16(_mm_avg_epu16(slow[i], fast[i]), at);
+    uint32_t low = (uint32_t)_mm_movemask_epi8(_mm_packs_epi16(after[0], after[1]));
+    uint32_t high = (uint32_t)_mm_movemask_epi8(_mm_packs_epi16(after[2], after[3]));
+    return 31 - __builtin_clz(~(low | high << 16));
 #else
     int symbol = 0;
     for (int step = ENTROPY_SYMBOLS / 2; step > 0; step /= 2)
-        symbol += model->begin[symbol + step] <= (int32_t)slot ? step : 0;
+        symbol += entropy_begin(pair, symbol + step) <= slot ? step : 0;
     return symbol;
 #endif
 }
 
-static inline int entropy_take_symbol(struct entropy_decoder *decoder, union entropy_model *model)
+static inline int entropy_take_symbol(struct entropy_decoder *decoder, struct entropy_pair pair)
 {
-    int symbol = entropy_find(model, entropy_slot(decoder));
-    uint32_t begin = (uint32_t)model->begin[symbol];
-    entropy_advance(decoder, begin, entropy_end(model, symbol) - begin);
-    entropy_adapt(model, symbol);
+    int symbol = entropy_find(pair, entropy_slot(decoder));
+    uint32_t begin = entropy_begin(pair, symbol);
+    entropy_advance(decoder, begin, entropy_begin(pair, symbol + 1) - begin);
+    entropy_adapt_pair(pair, symbol);
     return symbol;
 }

@@ -145,8 +145,7 @@ void grid_fill_margin(struct symbol_grid *grid, enum phase phase)
                       *c = tap_row(grid->value, shape->around[2], row),
                       *d = tap_row(grid->value, shape->around[3], row);
         for (int col = -margin; col < cols + margin; col++)
-            if (row < 0 || row >= rows || col < 0 || col >= cols)
-            {
+            if (row < 0 || row >= rows || col < 0 || col >= cols) {
                 to[col] = (a[col] + b[col] + c[col] + d[col] + 2) >> 2;
                 int32_t size = abs(a[col] + b[col] - c[col] - d[col]) << 3;
                 off[col] = size < GRID_ERROR_MAX ? size : GRID_ERROR_MAX;

@@ -83,8 +83,7 @@ struct phase_shape {
 };
 extern const struct phase_shape phase_shapes[PHASE_COUNT];
 
-static inline const int32_t *tap_row(const int32_t (*planes)[PLANE_SIZE],
-                                     struct tap tap, int row)
+static inline const int32_t *tap_row(const int32_t (*planes)[PLANE_SIZE], struct tap tap, int row)
 {
     return planes[tap.plane] + plane_index(row + tap.row, tap.col);
 }

@@ -1,28 +1,26 @@
 #include "terrain/symbol_coder.h"
 
-/* Where the nearest posts lie that are known. */
-enum around { AROUND_CROSS, AROUND_DIAGONAL, AROUND_COLUMN };
+/* Which posts around one are known when its plane is coded. */
+enum around { AROUND_CORNERS, AROUND_SIDES, AROUND_COLUMN };
 
-/* How many of the four nearest posts that are known have data; beyond the tile, and where only
- * those south and north are known, the one on the other side or the same one counts twice. */
+/* How many of the four posts around have data: those at the corners, at the sides, or north and
+ * south, each counted twice. Beyond the tile the one on the other side counts twice. */
 static int data_around(const struct symbol_coder *coder, int row, int col, int step,
                        enum around around)
 {
-    bool diagonal = around == AROUND_DIAGONAL, column = around == AROUND_COLUMN;
     int south = row >= step ? row - step : row + step;
     int north = row + step < TILE_POSTS ? row + step : row - step;
     int west = col >= step ? col - step : col + step;
     int east = col + step < TILE_POSTS ? col + step : col - step;
-    const int32_t *symbols = coder->symbols;
-    int places[4] = {
-        south * TILE_POSTS + (diagonal ? west : col),
-        north * TILE_POSTS + (diagonal ? east : col),
-        (diagonal || column ? south : row) * TILE_POSTS + (column ? col : east),
-        (diagonal || column ? north : row) * TILE_POSTS + (column ? col : west),
+    const int places[3][4][2] = {
+        [AROUND_CORNERS] = {{south, west}, {south, east}, {north, west}, {north, east}},
+        [AROUND_SIDES] = {{south, col}, {north, col}, {row, west}, {row, east}},
+        [AROUND_COLUMN] = {{south, col}, {north, col}, {south, col}, {north, col}},
     };
     int count = 0;
     for (int i = 0; i < 4; i++)
-        count += symbols[places[i]] != SYMBOL_NONE;
+        count +=
+            coder->symbols[places[around][i][0] * TILE_POSTS + places[around][i][1]] != SYMBOL_NONE;
     return count;
 }
 
@@ -56,7 +54,7 @@ static bool repeats(struct symbol_coder *coder, entropy_bit_model *model, int ro
 /* One plane of the grid of every `step`-th post; its posts before in the row and in the column help
  * as well. */
 static bool code_plane(struct symbol_coder *coder, int step, bool odd_row, bool odd_col,
-                       enum around near)
+                       enum around around)
 {
     bool repeated = false;
     for (int row = odd_row * step; row < TILE_POSTS; row += 2 * step) {
@@ -70,8 +68,8 @@ static bool code_plane(struct symbol_coder *coder, int step, bool odd_row, bool 
             int32_t *at = coder->symbols + row * TILE_POSTS + col;
             bool before = col < 2 * step || at[-2 * step] != SYMBOL_NONE;
             bool below = row < 2 * step || at[-2 * step * TILE_POSTS] != SYMBOL_NONE;
-            int around = data_around(coder, row, col, step, near);
-            code_bit(coder, &coder->mask[around * 4 + before * 2 + below], at);
+            int count = data_around(coder, row, col, step, around);
+            code_bit(coder, &coder->mask[count * 4 + before * 2 + below], at);
         }
     }
     return true;
@@ -79,16 +77,16 @@ static bool code_plane(struct symbol_coder *coder, int step, bool odd_row, bool 
 
 static bool code_grid(struct symbol_coder *coder, int step)
 {
-    return code_plane(coder, step, true, true, AROUND_DIAGONAL) &&
-           code_plane(coder, step, true, false, AROUND_CROSS) &&
-           code_plane(coder, step, false, true, AROUND_CROSS);
+    return code_plane(coder, step, true, true, AROUND_CORNERS) &&
+           code_plane(coder, step, true, false, AROUND_SIDES) &&
+           code_plane(coder, step, false, true, AROUND_SIDES);
 }
 
 bool symbol_code_mask(struct symbol_coder *coder, const struct tile_parent *parent)
 {
     if (parent && parent->same_columns)
         return code_plane(coder, 1, true, false, AROUND_COLUMN) &&
-               code_plane(coder, 1, true, true, AROUND_CROSS);
+               code_plane(coder, 1, true, true, AROUND_COLUMN);
     if (parent)
         return code_grid(coder, 1);
     for (int corner = 0; corner < 4; corner++) {

@@ -2,19 +2,21 @@
 
 #include <string.h>
 
-/* Eight posts at a time, anywhere. */
-typedef int32_t lanes __attribute__((vector_size(32), aligned(4), may_alias));
+/* Eight posts at a time, anywhere; unsigned, because what lies beyond a row's end may overflow. */
+typedef uint32_t lanes __attribute__((vector_size(32), aligned(4), may_alias));
+typedef int32_t signed_lanes __attribute__((vector_size(32)));
 
 #define LOAD(from) (*(const lanes *)(const void *)(from))
 
 /* Adds |a + b - c - d| in 1/16 step, but at most GRID_ERROR_MAX, times its weight. */
 static inline __attribute__((always_inline)) void add_form(const int32_t *const *taps,
-                                                           int32_t weight, int at, lanes *sum_to)
+                                                           uint32_t weight, int at, lanes *sum)
 {
-    lanes sum = LOAD(taps[0] + at) + LOAD(taps[1] + at) - LOAD(taps[2] + at) - LOAD(taps[3] + at);
-    lanes size = ((sum ^ sum >> 31) - (sum >> 31)) << 4;
-    lanes within = size < GRID_ERROR_MAX;
-    *sum_to += weight * ((size & within) | (~within & GRID_ERROR_MAX));
+    lanes form = LOAD(taps[0] + at) + LOAD(taps[1] + at) - LOAD(taps[2] + at) - LOAD(taps[3] + at);
+    lanes negative = (lanes)((signed_lanes)form >> 31);
+    lanes size = ((form ^ negative) - negative) << 4;
+    lanes within = (lanes)(size < GRID_ERROR_MAX);
+    *sum += weight * ((size & within) | (~within & GRID_ERROR_MAX));
 }
 
 /* The sums of `count` rows of posts, each times its weight, from the row's place `at` on. */
@@ -24,7 +26,7 @@ add_taps(const int32_t *const *taps, const int16_t *weights, int count, int at, 
     lanes first = sums[0], second = sums[1], third = sums[2];
     for (int t = 1; t < count; t++) {
         const int32_t *from = taps[t] + at;
-        int32_t weight = weights[t];
+        uint32_t weight = (uint32_t)(int32_t)weights[t];
         first += weight * LOAD(from);
         second += weight * LOAD(from + 8);
         third += weight * LOAD(from + 16);
@@ -66,7 +68,8 @@ CLONES void symbol_activity_row(const struct symbol_grid *grid, enum phase phase
         lanes sums[3] = {0};
         for (int f = 0; f < shape->form_count; f++)
             for (int i = 0; i < 3; i++)
-                add_form(forms[f], form_weights[phase][f], at + 8 * i, &sums[i]);
+                add_form(forms[f], (uint32_t)form_weights[phase][f], at + 8 * i, &sums[i]);
+        memcpy(ret->forms + at, sums, sizeof(sums));
         add_taps(errors, error_weights[phase], shape->error_count, at, sums);
         memcpy(ret->activities + at, sums, sizeof(sums));
     }

@@ -3,8 +3,13 @@
 
 #include "terrain/symbol_grid.h"
 
-/* For loops over rows of consecutive posts: the vectoriser does the rest. */
+/* For loops over rows of consecutive posts: the vectoriser does the rest. The thread sanitizer dies
+ * of functions that are chosen at load time, and clang 14 does not link them. */
+#if defined(__x86_64__) && !defined(__clang__) && !defined(__SANITIZE_THREAD__)
 #define CLONES __attribute__((target_clones("arch=x86-64-v3", "default")))
+#else
+#define CLONES
+#endif
 
 #define PREDICTOR_SETS 16
 #define PREDICT_BITS   10 /* weights are in 1/1024, and so are predictions in steps */
@@ -19,6 +24,7 @@ extern const int16_t error_weights[PHASE_COUNT][ERROR_TAPS_MAX]; /* in 1/256 */
 struct prediction_row {
     int32_t values[PLANE_STRIDE];     /* predictions, 1/1024 step */
     int32_t activities[PLANE_STRIDE]; /* how far off they may be, 1/4096 step */
+    int32_t forms[PLANE_STRIDE];      /* what the forms add to that */
 };
 
 /* The predictions of a row of a phase's plane, less the western post's part. */

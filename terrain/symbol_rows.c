@@ -15,13 +15,13 @@ static inline void put_bits(struct symbol_coder *coder, uint64_t value, unsigned
     }
 }
 
-static inline uint64_t take_bits(struct symbol_coder *coder, unsigned bits)
+static inline uint64_t take_bits(struct entropy_decoder *decoder, unsigned bits)
 {
     uint64_t value = 0;
     while (bits > 0) {
         unsigned chunk = bits < ENTROPY_BITS ? bits : ENTROPY_BITS;
         bits -= chunk;
-        value = value << chunk | entropy_take_raw(&coder->decoder, chunk);
+        value = value << chunk | entropy_take_raw(decoder, chunk);
     }
     return value;
 }
@@ -31,19 +31,26 @@ static void put_escape(struct symbol_coder *coder, int64_t quotient)
 {
     uint32_t beyond = (uint32_t)(llabs(quotient) - (MODEL_MIDDLE + 1));
     unsigned bits = beyond ? 32 - (unsigned)__builtin_clz(beyond) : 0;
-    entropy_put_symbol(&coder->encoder, &coder->escape, (int)bits);
+    entropy_put_symbol(&coder->encoder, (struct entropy_pair){&coder->escape[0], &coder->escape[1]},
+                       (int)bits);
     put_bits(coder, quotient < 0, 1);
     if (bits > 1)
         put_bits(coder, beyond & ((1u << (bits - 1)) - 1), bits - 1);
 }
 
-static int64_t take_escape(struct symbol_coder *coder)
+static int64_t take_escape(struct symbol_coder *coder, struct entropy_decoder *decoder)
 {
-    unsigned bits = (unsigned)entropy_take_symbol(&coder->decoder, &coder->escape);
-    bool negative = take_bits(coder, 1);
-    uint64_t beyond = bits > 1 ? 1ull << (bits - 1) | take_bits(coder, bits - 1) : bits;
+    unsigned bits = (unsigned)entropy_take_symbol(
+        decoder, (struct entropy_pair){&coder->escape[0], &coder->escape[1]});
+    bool negative = take_bits(decoder, 1);
+    uint64_t beyond = bits > 1 ? 1ull << (bits - 1) | take_bits(decoder, bits - 1) : bits;
     int64_t quotient = (int64_t)beyond + MODEL_MIDDLE + 1;
     return negative ? -quotient : quotient;
+}
+
+static inline struct entropy_pair model_pair(struct symbol_coder *coder, struct model_choice choice)
+{
+    return (struct entropy_pair){&coder->slow[choice.slow], &coder->fast[choice.fast]};
 }
 
 static inline void put_difference(struct symbol_coder *coder, struct model_choice choice,
@@ -53,21 +60,25 @@ static inline void put_difference(struct symbol_coder *coder, struct model_choic
     int64_t raised = (int64_t)difference + (int64_t)((1ull << bits) >> 1);
     int64_t quotient = raised >> bits;
     bool escape = quotient < -MODEL_MIDDLE || quotient > MODEL_MIDDLE;
-    entropy_put_symbol(&coder->encoder, &coder->models[choice.model],
+    entropy_put_symbol(&coder->encoder, model_pair(coder, choice),
                        escape ? MODEL_ESCAPE : (int)quotient + MODEL_MIDDLE);
     if (escape)
         put_escape(coder, quotient);
     put_bits(coder, (uint64_t)raised & ((1ull << bits) - 1), bits);
 }
 
-static inline int32_t take_difference(struct symbol_coder *coder, struct model_choice choice)
+static inline int32_t take_difference(struct symbol_coder *coder, struct entropy_decoder *decoder,
+                                      struct model_choice choice)
 {
     unsigned bits = choice.low_bits + coder->grid.shift;
-    int symbol = entropy_take_symbol(&coder->decoder, &coder->models[choice.model]);
+    int symbol = entropy_take_symbol(decoder, model_pair(coder, choice));
     int64_t quotient = symbol - MODEL_MIDDLE;
-    if (__builtin_expect(symbol == MODEL_ESCAPE, 0))
-        quotient = take_escape(coder);
-    uint64_t raised = (uint64_t)quotient << bits | take_bits(coder, bits);
+    if (__builtin_expect(symbol == MODEL_ESCAPE, 0)) {
+        struct entropy_decoder away = *decoder; /* so that the caller's can stay in registers */
+        quotient = take_escape(coder, &away);
+        *decoder = away;
+    }
+    uint64_t raised = (uint64_t)quotient << bits | take_bits(decoder, bits);
     return (int32_t)(uint32_t)(raised - ((1ull << bits) >> 1));
 }
 
@@ -77,14 +88,22 @@ struct row {
     int32_t west_weight, west_error_weight;
     int32_t *values, *errors, *symbols;
     int count, symbol_step;
-    bool flat; /* every post is its rounded prediction: nothing is coded */
+    unsigned plane; /* as the models count */
+    bool flat;      /* every post is its rounded prediction: nothing is coded */
 };
+
+/* The negative where `flip` is all ones. */
+static inline uint32_t mirrored(uint32_t difference, int32_t flip)
+{
+    return (difference ^ (uint32_t)flip) - (uint32_t)flip;
+}
 
 /* Codes the posts one after the other. The booleans are constants where this is expanded. */
 static inline __attribute__((always_inline)) void
 code_row_as(struct symbol_coder *coder, struct row *row, bool encoding, bool masked)
 {
     const struct symbol_grid *grid = &coder->grid;
+    struct entropy_decoder decoder = coder->decoder;
     int32_t west = row->values[-1], west_error = row->errors[-1];
     for (int i = 0; i < row->count; i++) {
         int32_t *symbol = row->symbols + i * row->symbol_step;
@@ -98,22 +117,24 @@ code_row_as(struct symbol_coder *coder, struct row *row, bool encoding, bool mas
         }
         if (!row->flat) {
             /* Mirrored where the prediction was rounded up, so that one model serves both. */
-            int32_t offset = prediction - (nearest << PREDICT_BITS), flip = offset >> 31;
-            struct model_choice choice = model_choose(
-                row->predicted.activities[i] + row->west_error_weight * west_error, offset ^ flip);
+            int32_t offset = prediction - nearest * (1 << PREDICT_BITS), flip = offset >> 31;
+            struct model_choice choice =
+                model_choose(row->predicted.activities[i] + row->west_error_weight * west_error,
+                             row->predicted.forms[i], offset ^ flip, row->plane);
             if (encoding) {
-                int32_t difference = (int32_t)((uint32_t)*symbol - from);
-                put_difference(coder, choice, (difference ^ flip) - flip);
+                uint32_t difference = (uint32_t)*symbol - from;
+                put_difference(coder, choice, (int32_t)mirrored(difference, flip));
             } else {
-                int32_t difference = take_difference(coder, choice);
-                *symbol = (int32_t)(from + (uint32_t)((difference ^ flip) - flip));
+                uint32_t difference = (uint32_t)take_difference(coder, &decoder, choice);
+                *symbol = (int32_t)(from + mirrored(difference, flip));
             }
         } else if (!encoding)
             *symbol = (int32_t)from;
         west = row->values[i] = grid_value(grid, *symbol);
-        int32_t error = abs((west << PREDICT_BITS) - prediction) >> (PREDICT_BITS - 4);
+        int32_t error = abs(west * (1 << PREDICT_BITS) - prediction) >> (PREDICT_BITS - 4);
         west_error = row->errors[i] = error < GRID_ERROR_MAX ? error : GRID_ERROR_MAX;
     }
+    coder->decoder = decoder;
 }
 
 /* Whether every post of the row is its rounded prediction. */
@@ -141,6 +162,7 @@ static void row_init(struct row *row, struct symbol_coder *coder, enum phase pha
     int step = PLANE_CELLS / grid->cells;
     int odd_row = plane == PLANE_CENTRE || plane == PLANE_ROW;
     int odd_col = plane == PLANE_CENTRE || plane == PLANE_COLUMN;
+    row->plane = (unsigned)plane - PLANE_CENTRE;
     row->count = plane_cols(grid, plane);
     row->symbol_step = 2 * step;
     row->symbols = coder->symbols + ((2 * index + odd_row) * TILE_POSTS + odd_col) * step;
@@ -203,7 +225,7 @@ static bool code_root(struct symbol_coder *coder)
         if (coder->encoding)
             put_bits(coder, (uint32_t)*symbol, 32);
         else
-            *symbol = (int32_t)(uint32_t)take_bits(coder, 32);
+            *symbol = (int32_t)(uint32_t)take_bits(&coder->decoder, 32);
     }
     bool going = true;
     for (int cells = 1; cells <= PLANE_CELLS && going; cells *= 2) {

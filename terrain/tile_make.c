@@ -1,38 +1,16 @@
 #include "terrain/tile_make.h"
 
 #include <errno.h>
-#include <math.h>
 #include <stdlib.h>
 
+#include "terrain/block.h"
 #include "terrain/height_step.h"
-
-/* Between two posts of the parent: `twice` is a post's position in half cells of the parent. */
-static float halfway(const float *at, int stride, int twice)
-{
-    float here = at[twice / 2 * stride];
-    return twice % 2 == 0 ? here : 0.5f * (here + at[(twice / 2 + 1) * stride]);
-}
 
 void tile_make_coarse(const struct grid *grid, struct tile_id id, const struct tile_content *parent,
                       struct tile_content *content)
 {
-    struct tile_id up = grid_parent(grid, id);
-    bool same = grid_lon_shift(grid, id.level, id.row) == grid_lon_shift(grid, up.level, up.row);
-    int first_row = (int)(id.row - 2 * (int64_t)up.row) * TILE_CELLS;
-    int first_col = same ? (int)(id.col - 2 * (int64_t)up.col) * TILE_CELLS : 0;
-    content->present = false;
-    if (!parent->present)
-        return;
-    for (int row = 0; row < TILE_POSTS; row++)
-        for (int col = 0; col < TILE_POSTS; col++) {
-            int twice_row = first_row + row, twice_col = same ? first_col + col : 2 * col;
-            const float *line = parent->heights_m + twice_row / 2 * TILE_POSTS;
-            float height_m = halfway(line, 1, twice_col);
-            if (twice_row % 2)
-                height_m = 0.5f * (height_m + halfway(line + TILE_POSTS, 1, twice_col));
-            content->heights_m[row * TILE_POSTS + col] = height_m;
-            content->present |= !isnan(height_m);
-        }
+    content->present = parent->present &&
+                       block_heights_from_parent(grid, id, parent->heights_m, content->heights_m);
 }
 
 /* The parent's symbols come back from its heights. `symbols` has room for both. */

@@ -42,7 +42,6 @@ static inline float whole_metres_m(double lat_deg, double lon_deg)
     return nearbyintf(surface_m(lat_deg, lon_deg));
 }
 
-
 typedef float (*surface)(double, double);
 
 /* Data exists inside a rectangle only; every tile that has a post in it exists. */
@@ -109,7 +108,7 @@ static inline void build_on_level(const char *path, const struct grid_shape *sha
     grid_init(&grid, shape);
     params.top_level = pyramid_top_level(&grid, &area, 1);
     snprintf(part, sizeof(part), "%s.part", path);
-    int r = database_create_part(part, &params, &pyramid.part, &diag);
+    int r = database_create_part(part, &params, NULL, 0, &pyramid.part, &diag);
     if (r == 0)
         r = pyramid_sample(&pyramid, &diag);
     if (r == 0)

@@ -9,50 +9,6 @@
 #include "geo/geographic.h"
 #include "tests/import_fixture.h"
 
-struct made {
-    int width, height;
-    double west, north, dx, dy; /* of the first pixel's corner */
-    int epsg;                   /* 0: none */
-    GDALDataType type;
-    double nodata; /* NaN: none */
-    double skew;
-};
-
-typedef double (*maker)(double x, double y);
-
-static void make_raster(const char *path, const struct made *made, maker value)
-{
-    GDALDatasetH dataset = GDALCreate(GDALGetDriverByName("GTiff"), path, made->width, made->height,
-                                      1, made->type, NULL);
-    double gt[6] = {made->west, made->dx, made->skew, made->north, made->skew, made->dy};
-    GDALSetGeoTransform(dataset, gt);
-    if (made->epsg) {
-        OGRSpatialReferenceH crs = OSRNewSpatialReference(NULL);
-        OSRImportFromEPSG(crs, made->epsg);
-        GDALSetSpatialRef(dataset, crs);
-        OSRDestroySpatialReference(crs);
-    }
-    GDALRasterBandH band = GDALGetRasterBand(dataset, 1);
-    if (!isnan(made->nodata))
-        GDALSetRasterNoDataValue(band, made->nodata);
-    double *line = malloc((size_t)made->width * sizeof(*line));
-    for (int row = 0; row < made->height; row++) {
-        for (int col = 0; col < made->width; col++)
-            line[col] =
-                value(made->west + (col + 0.5) * made->dx, made->north + (row + 0.5) * made->dy);
-        CHECK_INT(GDALRasterIO(band, GF_Write, 0, row, made->width, 1, line, made->width, 1,
-                               GDT_Float64, 0, 0),
-                  CE_None);
-    }
-    free(line);
-    GDALClose(dataset);
-}
-
-static double hills(double lon, double lat)
-{
-    return nearbyint(800.0 + 500.0 * sin(lon * 40.0) * cos(lat * 30.0));
-}
-
 static double hundred(double lon, double lat)
 {
     return 100.0;
@@ -73,19 +29,10 @@ static double absurd(double lon, double lat)
     return 65535.0;
 }
 
-static double slope_utm(double x, double y)
-{
-    return 0.01 * (x - 500000.0) + 0.02 * (y - 5200000.0);
-}
-
 static double ripples(double x, double y)
 {
     return 700.0 + 300.0 * sin(x / 400.0) * cos(y / 300.0);
 }
-
-static const struct made ten_east = {
-    241,        241,  10.0 - 1 / 480.0, 46.0 + 1 / 480.0, 1 / 240.0,
-    -1 / 240.0, 4326, GDT_Int16,        -9999.0,          0.0};
 
 static void test_exact(void)
 {
@@ -176,15 +123,6 @@ static void test_again_elsewhere(void)
     CHECK_NEAR(height_at(source, 47.13, 15.13), 100.0, 0.02);
     terrain_source_destroy(source);
     CHECK_INT(verify(in("zone.db")), 0);
-}
-
-static void test_same_bytes(void)
-{
-    check_run(run("'%s' -o '%s' -q --jobs 1", in("hills.tif"), in("one.db")), 0);
-    check_run(run("'%s' -o '%s' -q --jobs 4", in("hills.tif"), in("four.db")), 0);
-    char command[1200];
-    snprintf(command, sizeof(command), "cmp -s '%s' '%s'", in("one.db"), in("four.db"));
-    CHECK_INT(system(command), 0);
 }
 
 static void test_priority(void)
@@ -413,74 +351,173 @@ static void test_crs_option(void)
     CHECK(access(in("refused.db"), F_OK) != 0);
 }
 
-static void test_resume(void)
+static int verify_against(const char *database, const char *source)
 {
-    struct diag diag = {""};
-    struct database *database = NULL;
-    check_run(run("'%s' -o '%s' -q", in("big.tif"), in("whole.db")), 0);
-    for (int attempt = 0, interrupted = 0; attempt < 12 && interrupted == 0; attempt++) {
-        unlink(in("resumed.db"));
-        pid_t child = fork();
-        if (child == 0) {
-            execl(getenv("OTWD_IMPORT"), "otwd-import", in("big.tif"), "-o", in("resumed.db"), "-q",
-                  "-j", "1", (char *)NULL);
-            _exit(127);
-        }
-        usleep((useconds_t)(400000 + 60000 * attempt));
-        kill(child, SIGKILL);
-        waitpid(child, NULL, 0);
-        int r = database_open(in("resumed.db"), &database, &diag);
-        if (r == 0)
-            database_close(database);
-        interrupted = r == -EBUSY;
-        if (attempt == 11 && !interrupted)
-            CHECK_FAIL("no attempt was killed in the middle");
-    }
-    CHECK_CONTAINS(diag.text, "not complete");
-    check_run(run("'%s' -o '%s' -q", in("hills.tif"), in("resumed.db")), 64);
-    CHECK_CONTAINS(output, "unfinished import");
-    check_run(run("'%s' -o '%s' --json -q", in("big.tif"), in("resumed.db")), 0);
-    CHECK_INT(verify(in("resumed.db")), 0);
+    return run("--verify '%s' '%s' --json", database, source);
+}
+
+/* What --against says of a source, exact or resampled, with voids and covered posts; and of a
+ * database that was changed, or a source that is another. */
+static void test_against(void)
+{
+    check_run(verify_against(in("hills.db"), in("hills.tif")), 0);
+    CHECK_CONTAINS(output, "\"exact\": true, \"posts\": ");
+    CHECK_CONTAINS(output, "\"elsewhere\": 0, \"beyond\": 0, \"worst_m\": 0,");
+    check_run(verify_against(in("utm.db"), in("utm.tif")), 0);
+    CHECK_CONTAINS(output, "\"exact\": false");
+    check_run(verify_against(in("layers.db"), in("high.tif")), 0);
+    check_run(verify_against(in("layers.db"), in("low.tif")), 0);
+    CHECK_CONTAINS(output, "\"beyond\": 0");
+    check_run(verify_against(in("hills.db"), in("low.tif")), 64);
+    CHECK_CONTAINS(output, "not one of the sources");
+    /* Another raster under the same name, with the same size and time. */
     char command[2000];
-    const char *tiles = "SELECT level,row,col,min_m,max_m,posts,checksum FROM tiles ORDER BY 1,2,3";
-    snprintf(command, sizeof(command),
-             "sqlite3 '%s' '%s' > '%s'; sqlite3 '%s' '%s' | cmp -s - '%s'", in("whole.db"), tiles,
-             in("tiles.txt"), in("resumed.db"), tiles, in("tiles.txt"));
-    if (system("command -v sqlite3 > /dev/null") == 0)
-        CHECK_INT(system(command), 0);
+    snprintf(command, sizeof(command), "cp '%s' '%s'; cp -p '%s' '%s'; touch -r '%s' '%s'",
+             in("low.tif"), in("twin.tif"), in("twin.tif"), in("kept.tif"), in("kept.tif"),
+             in("twin.tif"));
+    CHECK_INT(system(command), 0);
+    check_run(run("'%s' -o '%s' -q", in("twin.tif"), in("twin.db")), 0);
+    snprintf(command, sizeof(command), "cat '%s' > '%s'; touch -r '%s' '%s'", in("hills.tif"),
+             in("twin.tif"), in("kept.tif"), in("twin.tif"));
+    CHECK_INT(system(command), 0);
+    check_run(verify_against(in("twin.db"), in("twin.tif")), 65);
+    CHECK_CONTAINS(output, "the source has");
 }
 
-/* As `run`, where no file may grow beyond so many bytes: what a full disk does, without one. */
-static int run_with_limit(rlim_t bytes, const char *source, const char *database)
+static void write_list(const char *path, const char *text)
 {
-    struct rlimit old;
-    CHECK_INT(getrlimit(RLIMIT_FSIZE, &old), 0);
-    struct rlimit limit = {bytes, old.rlim_max};
-    signal(SIGXFSZ, SIG_IGN);
-    CHECK_INT(setrlimit(RLIMIT_FSIZE, &limit), 0);
-    int status = run("'%s' -o '%s' -q", in(source), in(database));
-    CHECK_INT(setrlimit(RLIMIT_FSIZE, &old), 0);
-    signal(SIGXFSZ, SIG_DFL);
-    return status;
+    FILE *file = fopen(path, "w");
+    CHECK(file && fputs(text, file) >= 0 && fclose(file) == 0);
 }
 
-static void test_failed_addition(void)
+static void test_list(void)
+{
+    char text[2000];
+    snprintf(text, sizeof(text),
+             "# both\n\"%s\" priority=2 nodata=-9999\n\n  %s\tpriority=1 # under it\n",
+             in("high.tif"), in("low.tif"));
+    write_list(in("list.txt"), text);
+    check_run(run("--sources '%s' -o '%s' -q", in("list.txt"), in("listed.db")), 0);
+    struct terrain_source *source = open_source(in("listed.db"));
+    if (!source)
+        return;
+    CHECK_NEAR(height_at(source, 45.5, 10.25), 200.0, 0.0);
+    CHECK_NEAR(height_at(source, 45.5, 10.75), 100.0, 0.0);
+    terrain_source_destroy(source);
+    snprintf(text, sizeof(text), "%s\n%s colour=blue\n", in("high.tif"), in("low.tif"));
+    write_list(in("list.txt"), text);
+    check_run(run("--sources '%s' -o '%s' -q", in("list.txt"), in("unlisted.db")), 65);
+    CHECK_CONTAINS(output, "list.txt:2: \"colour");
+}
+
+/* Holes of 4, 20 and 60 posts across, and one that is open to the edge. */
+static double holed(double lon, double lat)
+{
+    const double at[3][3] = {{10.2, 45.3, 2.0}, {10.5, 45.6, 10.0}, {10.75, 45.25, 30.0}};
+    for (int i = 0; i < 3; i++)
+        if (fabs(lon - at[i][0]) * 240.0 < at[i][2] && fabs(lat - at[i][1]) * 240.0 < at[i][2])
+            return -9999.0;
+    if (lon > 10.95 && lat > 45.8)
+        return -9999.0;
+    return nearbyint(100.0 + 200.0 * (lon - 10.0) + 300.0 * (lat - 45.0));
+}
+
+/* Two halves: an addition makes the hole that lay on the seam an enclosed one. */
+static void test_fill(void)
 {
     struct made made = ten_east;
-    struct diag diag = {""};
-    struct database *database = NULL;
-    made.west += 1.0;
-    make_raster(in("beside.tif"), &made, hills);
-    check_run(run("'%s' -o '%s' -q", in("hills.tif"), in("added.db")), 0);
-    check_run(run("'%s' -o '%s'", in("cut.tif"), in("added.db")), 65);
-    CHECK_CONTAINS(output, "cut.tif cannot be read");
-    CHECK_CONTAINS(output, "added.db is as it was");
-    CHECK_INT(verify(in("added.db")), 0);
-    check_run(run_with_limit(24 << 10, "beside.tif", "added.db"), 74); /* among the tiles */
-    CHECK_CONTAINS(output, "added.db cannot be used until this import is done");
-    CHECK_INT(database_open(in("added.db"), &database, &diag), -EBUSY);
-    check_run(run("'%s' -o '%s' -q", in("beside.tif"), in("added.db")), 0);
-    CHECK_INT(verify(in("added.db")), 0);
+    make_raster(in("holed.tif"), &made, holed);
+    check_run(run("'%s' -o '%s' -q --fill 40", in("holed.tif"), in("filled.db")), 0);
+    CHECK_INT(verify(in("filled.db")), 0);
+    struct terrain_source *source = open_source(in("filled.db"));
+    if (!source)
+        return;
+    CHECK_NEAR(height_at(source, 45.3, 10.2), 100.0 + 40.0 + 90.0, 1.5); /* a plane stays one */
+    CHECK_NEAR(height_at(source, 45.6, 10.5), 100.0 + 100.0 + 180.0, 1.5);
+    CHECK(isnan(height_at(source, 45.25, 10.75)) && isnan(height_at(source, 45.9, 10.97)));
+    terrain_source_destroy(source);
+    check_run(verify_against(in("filled.db"), in("holed.tif")), 0);
+    CHECK_CONTAINS(output, "\"beyond\": 0");
+    check_run(run("'%s' -o '%s' -q", in("holed.tif"), in("filled2.db")), 0);
+    CHECK_INT(verify(in("filled2.db")), 0);
+    source = open_source(in("filled2.db"));
+    CHECK(source && !isnan(height_at(source, 45.25, 10.75)) &&
+          isnan(height_at(source, 45.9, 10.97)));
+    terrain_source_destroy(source);
+    made.height = 121;
+    make_raster(in("upper.tif"), &made, holed);
+    made.north -= 120.0 / 240.0;
+    make_raster(in("lower.tif"), &made, holed);
+    check_run(run("'%s' -o '%s' -q", in("upper.tif"), in("halves.db")), 0);
+    check_run(run("'%s' -o '%s' -q", in("lower.tif"), in("halves.db")), 0);
+    CHECK_INT(verify(in("halves.db")), 0);
+}
+
+/* A coarse raster under a fine one keeps to its own level, and where both are the fine one counts.
+ */
+static void test_mixed(void)
+{
+    struct made coarse = {41, 41, 8.0, 48.0, 0.1, -0.1, 4326, GDT_Float32, NAN, 0.0};
+    make_raster(in("coarse.tif"), &coarse, hundred);
+    for (int order = 0; order < 2; order++) {
+        unlink(in("mixed.db"));
+        if (order == 0) {
+            check_run(run("'%s' -o '%s' -q --priority 1", in("hills.tif"), in("mixed.db")), 0);
+            check_run(run("'%s' -o '%s' -q", in("coarse.tif"), in("mixed.db")), 0);
+        } else {
+            check_run(
+                run("'%s' '%s' -o '%s' -q", in("coarse.tif"), in("hills.tif"), in("mixed.db")), 0);
+        }
+        CHECK_INT(verify(in("mixed.db")), 0);
+        struct terrain_source *source = open_source(in("mixed.db"));
+        struct database_info info;
+        struct diag diag;
+        if (!source)
+            return;
+        CHECK_NEAR(height_at(source, 46.7, 9.1), 100.0, 0.0);
+        CHECK_NEAR(height_at(source, 44.5, 11.7), 100.0, 0.0);
+        CHECK_NEAR(height_at(source, 45.5, 10.5), hills(10.5, 45.5), 0.0);
+        CHECK_INT(source->read_errors, 0);
+        CHECK_INT(database_info(database_of_source(source), &info, &diag), 0);
+        CHECK(info.level[0].tiles <= 64 && info.file_bytes < 200000);
+        database_info_finish(&info);
+        terrain_source_destroy(source);
+    }
+}
+
+/* Square rasters beyond 60 degrees, off the grid by half a pixel, of a spacing that no whole number
+ * of posts a degree has, south-up: all are met at every post. */
+static void test_odd_grids(void)
+{
+    const struct made rasters[] = {
+        {241, 241, 20.0 - 1 / 480.0, 70.0 + 1 / 480.0, 1 / 240.0, -1 / 240.0, 4326, GDT_Int16, NAN,
+         0},
+        {241, 241, 20.0, 45.0, 1 / 240.0, -1 / 240.0, 4326, GDT_Int16, NAN, 0},
+        {300, 200, 20.123, 45.456, 0.000269965979, -0.000269965979, 4326, GDT_Int16, NAN, 0},
+        {200, 200, 20.0, 44.0, 1 / 240.0, 1 / 240.0, 4326, GDT_Int16, NAN, 0},
+        {300, 300, -180.0, 84.0, 1 / 120.0, -1 / 120.0, 4326, GDT_Int16, NAN, 0},
+    };
+    for (size_t i = 0; i < sizeof(rasters) / sizeof(rasters[0]); i++) {
+        make_raster(in("odd.tif"), &rasters[i], hills);
+        unlink(in("odd.db"));
+        check_run(run("'%s' -o '%s' -q --max-error 0", in("odd.tif"), in("odd.db")), 0);
+        CHECK_INT(verify(in("odd.db")), 0);
+        check_run(verify_against(in("odd.db"), in("odd.tif")), 0);
+        CHECK_CONTAINS(output, "\"exact\": true");
+        struct comparison found = compare(in("odd.tif"), in("odd.db"), 3);
+        if (found.wrong_voids || !(found.worst_m <= 1e-6))
+            CHECK_FAIL("raster %zu: worst difference %g m, %d wrong voids", i, found.worst_m,
+                       found.wrong_voids);
+    }
+}
+
+/* The step is for whole metres; a resampled source would be further off than was asked for. */
+static void test_refused_step(void)
+{
+    check_run(run("'%s' -o '%s' -q --max-error 2", in("hills.tif"), in("whole2.db")), 0);
+    check_run(run("'%s' -o '%s'", in("utm.tif"), in("whole2.db")), 64);
+    CHECK_CONTAINS(output, "errors of up to 2.5 m");
+    CHECK_INT(verify(in("whole2.db")), 0);
 }
 
 static const struct check_test tests[] = {
@@ -488,17 +525,20 @@ static const struct check_test tests[] = {
     {"a source that is there already is skipped", test_again},
     {"a source that is read otherwise replaces itself", test_again_otherwise},
     {"a source that is laid elsewhere leaves nothing behind", test_again_elsewhere},
-    {"the bytes do not depend on the number of threads", test_same_bytes},
     {"higher priority covers, its voids are filled from below", test_priority},
     {"a projected raster keeps the bound", test_projected},
     {"a raster finer than the grid leaves no seam between tiles", test_finer_than_grid},
     {"a raster across the antimeridian has no seam", test_antimeridian},
     {"a post that no coarser level has is no fault", test_lone_post},
     {"ellipsoidal heights become EGM96 ones", test_ellipsoid},
+    {"every post is within the bound of its source, and what is not is found", test_against},
+    {"a list gives each source its own options", test_list},
+    {"enclosed voids are filled up to a size", test_fill},
+    {"a coarse raster keeps to a coarse level", test_mixed},
+    {"posts off the common grids are stored as they are", test_odd_grids},
+    {"a source that the database's steps do not suit is refused", test_refused_step},
     {"what cannot be imported is named, with the right exit status", test_refusals},
     {"--crs is for rasters that have no usable one", test_crs_option},
-    {"a killed import is refused by readers and goes on where it was", test_resume},
-    {"a failed addition tells whether the database can still be used", test_failed_addition},
 };
 
 int main(void)

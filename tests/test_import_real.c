@@ -26,24 +26,63 @@ static void check_real(const char *raster, const char *database, int stride, dou
 
 static void test_real_rasters(void)
 {
-    check_run(run("'%s' -o '%s' -q", data("terrain/iceland-reykjanes-3s.tif"), in("iceland.db")),
-              0);
-    check_real("terrain/iceland-reykjanes-3s.tif", "iceland.db", 3, 0.5 / 16.0);
-    check_run(run("'%s' '%s' '%s' -o '%s' -q", data("terrain/N41E001.hgt.zip"),
+    check_run(
+        run("'%s' -o '%s' -q --fill 0", data("terrain/iceland-reykjanes-3s.tif"), in("iceland.db")),
+        0);
+    check_real("terrain/iceland-reykjanes-3s.tif", "iceland.db", 3, 0.5);
+    check_run(run("'%s' '%s' '%s' -o '%s' -q --fill 0", data("terrain/N41E001.hgt.zip"),
                   data("terrain/N41E002.hgt.zip"), data("terrain/N42E001.hgt.zip"),
                   in("catalonia.db")),
               0);
     check_real("terrain/N41E001.hgt.zip", "catalonia.db", 8, 0.0);
     check_real("terrain/N41E002.hgt.zip", "catalonia.db", 8, 0.0);
-    check_run(run("'%s' -o '%s' -q", data("terrain/N42E001.hgt.zip"), in("andorra.db")), 0);
+    check_run(run("'%s' -o '%s' -q --fill 0", data("terrain/N42E001.hgt.zip"), in("andorra.db")),
+              0);
     check_real("terrain/N42E001.hgt.zip", "andorra.db", 3, 0.0); /* with its 7652 voids */
-    check_run(run("'%s' -o '%s' -q", data("terrain/S20W180.hgt.zip"), in("lau.db")), 0);
+    check_run(run("'%s' -o '%s' -q --fill 0", data("terrain/S20W180.hgt.zip"), in("lau.db")), 0);
     check_real("terrain/S20W180.hgt.zip", "lau.db", 7, 0.0);
-    check_run(run("'%s' -o '%s' -q", data("terrain/etopo5.tif"), in("etopo.db")), 0);
+    check_run(run("'%s' -o '%s' -q --fill 0", data("terrain/etopo5.tif"), in("etopo.db")), 0);
     check_real("terrain/etopo5.tif", "etopo.db", 5, 0.0);
     const char *const names[] = {"iceland.db", "catalonia.db", "andorra.db", "lau.db", "etopo.db"};
     for (int i = 0; i < 5; i++)
         CHECK_INT(verify(in(names[i])), 0);
+}
+
+/* Bathymetry under a coast, whose voids it fills; and what --against says of each. */
+static void test_real_coast(void)
+{
+    char text[1500];
+    snprintf(text, sizeof(text), "%s priority=1\n%s\n", data("terrain/N43E007.hgt.zip"),
+             data("terrain/etopo5.tif"));
+    FILE *list = fopen(in("coast.txt"), "w");
+    CHECK(list && fputs(text, list) >= 0 && fclose(list) == 0);
+    check_run(run("--sources '%s' -o '%s' -q", in("coast.txt"), in("coast.db")), 0);
+    CHECK_INT(verify(in("coast.db")), 0);
+    struct terrain_source *source = open_source(in("coast.db"));
+    if (!source)
+        return;
+    CHECK(height_at(source, 42.5, 7.5) < -2000.0); /* the Ligurian Sea */
+    CHECK(height_at(source, 46.0, 7.5) > 1000.0);  /* Valais, from ETOPO5 */
+    CHECK(!isnan(height_at(source, -33.0, 178.0)) && !isnan(height_at(source, 90.0, 5.0)));
+    CHECK_NEAR(height_at(source, 90.0, 5.0), height_at(source, 90.0, -100.0), 0.0);
+    terrain_source_destroy(source);
+    check_run(run("--verify '%s' '%s' --json", in("coast.db"), data("terrain/N43E007.hgt.zip")), 0);
+    CHECK_CONTAINS(output, "\"exact\": true");
+    CHECK_CONTAINS(output, "\"elsewhere\": 0, \"beyond\": 0, \"worst_m\": 0,");
+    check_run(run("--verify '%s' '%s' --json", in("coast.db"), data("terrain/etopo5.tif")), 0);
+}
+
+/* 130 953 voids; the small ones are filled. */
+static void test_real_voids(void)
+{
+    check_run(run("'%s' -o '%s' -q --fill 60", data("terrain/N27E086_mt_everest_90m_voids.tif"),
+                  in("everest.db")),
+              0);
+    CHECK_INT(verify(in("everest.db")), 0);
+    struct comparison found =
+        compare(data("terrain/N27E086_mt_everest_90m_voids.tif"), in("everest.db"), 2);
+    CHECK_NEAR(found.worst_m, 0.0, 0.0);
+    CHECK(found.voids > 30000 && found.wrong_voids > 3000 && found.wrong_voids < found.voids);
 }
 
 static void test_real_others(void)
@@ -115,7 +154,10 @@ static int agl_errors(struct terrain_source *source, const char *path, double *r
 static void test_flightgear(void)
 {
     static double errors_m[5000];
-    struct terrain_source *source = open_source(in("iceland.db"));
+    check_run(run("'%s' -o '%s' -q --max-error 0.1", data("terrain/iceland-reykjanes-3s.tif"),
+                  in("keflavik.db")),
+              0);
+    struct terrain_source *source = open_source(in("keflavik.db"));
     if (!source)
         return;
     int count =
@@ -133,6 +175,8 @@ static void test_flightgear(void)
 
 static const struct check_test tests[] = {
     {"real geographic rasters are met at every post", test_real_rasters},
+    {"bathymetry lies under a coast and in its voids", test_real_coast},
+    {"a mountain's voids are filled", test_real_voids},
     {"real projected, float and damaged rasters", test_real_others},
     {"FlightGear's height above ground is met", test_flightgear},
 };

@@ -21,8 +21,8 @@ _otwd() {
     local current=${COMP_WORDS[COMP_CWORD]} previous=${COMP_WORDS[COMP_CWORD - 1]} values options
     COMPREPLY=()
     if [ "$COMP_CWORD" -eq 1 ]; then
-        mapfile -t COMPREPLY < <(compgen -W "run replay demo import info verify height send status
-            check-config --help --version" -- "$current")
+        mapfile -t COMPREPLY < <(compgen -W "run replay demo import merge info verify height send
+            status check-config --help --version" -- "$current")
         return
     fi
     values=$(_otwd_values "$previous")

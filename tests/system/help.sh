@@ -17,7 +17,7 @@ completed() {
         bash "$source_root/docs/completion/otwd.bash" "$OTWD" "$1" |
         sed 's/^--//' | grep -vx 'help\|usage\|version'
 }
-for name in run replay demo import info verify height send status check-config; do
+for name in run replay demo import merge info verify height send status check-config; do
     "$OTWD" "$name" --help >help.txt 2>&1
     if [ $? -eq 69 ]; then # no GDAL, no import
         cat help.txt

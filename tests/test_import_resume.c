@@ -1,0 +1,167 @@
+/* Imports that do not come through in one go: killed, spread over several machines, out of disk. */
+#include <errno.h>
+#include <gdal.h>
+#include <signal.h>
+#include <sys/resource.h>
+
+#include "tests/import_fixture.h"
+
+static void test_rasters(void)
+{
+    struct made fine = {3601, 2401, 10.0, 46.0, 1 / 3600.0, -1 / 3600.0, 4326, GDT_Int16, NAN, 0.0};
+    struct made utm = {300, 300, 500000.0, 5230000.0, 100.0, -100.0, 32632, GDT_Float32, NAN, 0.0};
+    char command[1200];
+    make_raster(in("hills.tif"), &ten_east, hills);
+    make_raster(in("big.tif"), &fine, hills);
+    make_raster(in("utm.tif"), &utm, slope_utm);
+    snprintf(command, sizeof(command), "head -c 60000 '%s' > '%s'", in("hills.tif"), in("cut.tif"));
+    CHECK_INT(system(command), 0);
+    check_run(run("'%s' -o '%s' -q", in("big.tif"), in("whole.db")), 0);
+    CHECK_INT(verify(in("whole.db")), 0);
+}
+
+static void test_same_bytes(void)
+{
+    check_run(run("'%s' -o '%s' -q --jobs 1", in("hills.tif"), in("one.db")), 0);
+    check_run(run("'%s' -o '%s' -q --jobs 4", in("hills.tif"), in("four.db")), 0);
+    CHECK(same_bytes(in("one.db"), in("four.db")));
+}
+
+/* Shards, in any order, are one import. */
+static void test_shards(void)
+{
+    const char *otwd = getenv("OTWD");
+    char command[3000];
+    check_run(run("'%s' '%s' '%s' -o '%s' -q", in("big.tif"), in("utm.tif"), in("hills.tif"),
+                  in("single.db")),
+              0);
+    for (int i = 1; i <= 3; i++)
+        check_run(run("'%s' '%s' '%s' -o '%s/shard%d.db' -q --shard %d/3 -j %d", in("big.tif"),
+                      in("utm.tif"), in("hills.tif"), directory, i, i, i),
+                  0);
+    snprintf(command, sizeof(command), "'%s' merge -q '%s' '%s' '%s' '%s'", otwd, in("merged.db"),
+             in("shard2.db"), in("shard3.db"), in("shard1.db"));
+    CHECK_INT(system(command), 0);
+    CHECK(same_bytes(in("single.db"), in("merged.db")));
+    CHECK_INT(verify(in("merged.db")), 0);
+    for (int i = 0; i < 2; i++) {
+        snprintf(command, sizeof(command),
+                 i ? "'%s' merge -q '%s/m.db' '%s/shard1.db' '%s/single.db' 2> '%s/log'"
+                   : "'%s' merge -q '%s/m.db' '%s/shard1.db' '%s/shard2.db' 2> '%s/log'",
+                 otwd, directory, directory, directory, directory);
+        CHECK_INT(WEXITSTATUS(system(command)), 64);
+        CHECK(access(in("m.db"), F_OK) != 0);
+    }
+    check_run(run("'%s' -o '%s' --shard 4/3", in("hills.tif"), in("m.db")), 64);
+}
+
+static void remove_part(const char *path)
+{
+    char command[1200];
+    snprintf(command, sizeof(command), "rm -f '%s' '%s'.part '%s'.part-wal '%s'.new", path, path,
+             path, path);
+    CHECK_INT(system(command), 0);
+}
+
+/* Begins an import and kills it after a while; true where it was not done by then. */
+static bool kill_after(const char *source, const char *database, useconds_t us)
+{
+    int status = 0;
+    pid_t child = fork();
+    if (child == 0) {
+        execl(getenv("OTWD_IMPORT"), "otwd-import", source, "-o", database, "-q", "-j", "2",
+              (char *)NULL);
+        _exit(127);
+    }
+    usleep(us);
+    kill(child, SIGKILL);
+    waitpid(child, &status, 0);
+    return WIFSIGNALED(status);
+}
+
+/* Killed at random times until it comes through: the bytes are those of one run. */
+static void test_resume(void)
+{
+    struct diag diag = {""};
+    struct database *database = NULL;
+    uint32_t seed = 7;
+    int killed = 0, refused = 0;
+    for (int round = 0; round < 8 || killed < 50; round++) {
+        remove_part(in("resumed.db"));
+        for (int attempt = 0; attempt < 100; attempt++) {
+            seed = seed * 1664525u + 1013904223u;
+            if (!kill_after(in("big.tif"), in("resumed.db"), 5000 + (seed >> 8) % 900000))
+                break;
+            killed++;
+            int r = database_open(in("resumed.db"), &database, &diag);
+            refused += r == -EBUSY;
+            CHECK(r == 0 || r == -EBUSY || r == -ENOENT);
+            database_close(r == 0 ? database : NULL);
+        }
+        check_run(run("'%s' -o '%s' -q", in("big.tif"), in("resumed.db")), 0);
+        CHECK(same_bytes(in("whole.db"), in("resumed.db")));
+        if (round == 40)
+            break;
+    }
+    printf("     killed %d times, refused by readers %d times\n", killed, refused);
+    CHECK(killed >= 50 && refused > 10);
+    CHECK_INT(verify(in("resumed.db")), 0);
+    remove_part(in("resumed.db"));
+    /* However fast the machine is: later and later, until there is something to go on with. */
+    for (useconds_t us = 50000; us < 5000000; us += 25000) {
+        if (kill_after(in("big.tif"), in("resumed.db"), us) &&
+            access(in("resumed.db.part"), F_OK) == 0)
+            break;
+        remove_part(in("resumed.db"));
+    }
+    check_run(run("'%s' -o '%s' -q", in("hills.tif"), in("resumed.db")), 64);
+    CHECK_CONTAINS(output, "unfinished import");
+    CHECK_INT(database_open(in("resumed.db"), &database, &diag), -EBUSY);
+    CHECK_CONTAINS(diag.text, "not complete");
+}
+
+/* As `run`, where no file may grow beyond so many bytes: what a full disk does, without one. */
+static int run_with_limit(rlim_t bytes, const char *source, const char *database)
+{
+    struct rlimit old;
+    CHECK_INT(getrlimit(RLIMIT_FSIZE, &old), 0);
+    struct rlimit limit = {bytes, old.rlim_max};
+    signal(SIGXFSZ, SIG_IGN);
+    CHECK_INT(setrlimit(RLIMIT_FSIZE, &limit), 0);
+    int status = run("'%s' -o '%s' -q", in(source), in(database));
+    CHECK_INT(setrlimit(RLIMIT_FSIZE, &old), 0);
+    signal(SIGXFSZ, SIG_DFL);
+    return status;
+}
+
+static void test_failed_addition(void)
+{
+    struct made made = ten_east;
+    made.west += 1.0;
+    make_raster(in("beside.tif"), &made, hills);
+    check_run(run("'%s' -o '%s' -q", in("hills.tif"), in("added.db")), 0);
+    check_run(run("'%s' -o '%s'", in("cut.tif"), in("added.db")), 65);
+    CHECK_CONTAINS(output, "cut.tif cannot be read");
+    CHECK_INT(verify(in("added.db")), 0);
+    check_run(run_with_limit(44 << 10, "beside.tif", "added.db"), 74); /* among the tiles */
+    CHECK(access(in("added.db.part"), F_OK) == 0);
+    CHECK_INT(verify(in("added.db")), 0);
+    check_run(run("'%s' -o '%s' -q", in("hills.tif"), in("added.db")), 64);
+    CHECK_CONTAINS(output, "unfinished import");
+    check_run(run("'%s' -o '%s' -q", in("beside.tif"), in("added.db")), 0);
+    CHECK_INT(verify(in("added.db")), 0);
+    CHECK_NEAR(compare(in("beside.tif"), in("added.db"), 3).worst_m, 0.0, 0.0);
+}
+
+static const struct check_test tests[] = {
+    {"one import, in one go", test_rasters},
+    {"the bytes do not depend on the number of threads", test_same_bytes},
+    {"shards make the database of a single import", test_shards},
+    {"an import that is killed anywhere ends in the same bytes", test_resume},
+    {"a failed addition leaves the database as it was, and goes on", test_failed_addition},
+};
+
+int main(void)
+{
+    return import_tests_main(tests, sizeof(tests) / sizeof(tests[0]));
+}
