@@ -24,9 +24,10 @@ struct source_slot {
     struct pose_source *source; /* NULL while it cannot be opened */
     sd_event_source *event;
     nsec_t retry_ns;
-    nsec_t failed_ns,
-        refused_ns;    /* when it last could not be read, or refused a packet; 0 = never */
+    /* When it last could not be read, refused a packet, or lost one to a full queue; 0 = never. */
+    nsec_t failed_ns, refused_ns, overrun_ns;
     uint64_t refused;  /* packets, late ones not counted, that were seen */
+    uint64_t overrun;  /* packets lost to a full queue that were seen */
     bool failed, lost; /* as logged */
 };
 

@@ -86,6 +86,18 @@ static void on_trouble(void *context, struct pose_source *source, const char *se
         slot->failed_ns = clock_monotonic_ns();
 }
 
+static void note_overrun(struct source_slot *slot, nsec_t now_ns)
+{
+    uint64_t overrun = pose_source_kernel_drops(slot->source);
+    if (overrun == slot->overrun)
+        return;
+    log_fault(FAULT_SOURCE_OVERRUN, slot->config->name,
+              "source %s: %llu packets lost: its receive queue was full", slot->config->name,
+              (unsigned long long)(overrun - slot->overrun));
+    slot->overrun = overrun;
+    slot->overrun_ns = now_ns;
+}
+
 static int on_readable(sd_event_source *event, int fd, uint32_t revents, void *data)
 {
     struct source_slot *slot = data;
@@ -97,6 +109,7 @@ static int on_readable(sd_event_source *event, int fd, uint32_t revents, void *d
     if (refused > slot->refused)
         slot->refused_ns = now_ns;
     slot->refused = refused;
+    note_overrun(slot, now_ns);
     return 0;
 }
 
@@ -194,19 +207,21 @@ static void set(struct service *service, enum fault_code code, bool active)
 /* The faults of all sources together; each source's own were logged with its name. */
 static void set_faults(struct service *service, nsec_t now_ns)
 {
-    bool failed = false, lost = false, refused = false;
+    bool failed = false, lost = false, refused = false, overrun = false;
     enum can_state worst = CAN_STATE_NONE;
     for (unsigned i = 0; i < service->slot_count; i++) {
         const struct source_slot *slot = &service->slots[i];
         failed |= slot->failed;
         lost |= slot->lost;
         refused |= slot->refused_ns && now_ns - slot->refused_ns < HOLD_NS;
+        overrun |= slot->overrun_ns && now_ns - slot->overrun_ns < HOLD_NS;
         if (slot->source && pose_source_can_state(slot->source) > worst)
             worst = pose_source_can_state(slot->source);
     }
     set(service, FAULT_SOURCE_FAILED, failed);
     set(service, FAULT_SOURCE_LOST, lost);
     set(service, FAULT_POSE_REJECTED, refused);
+    set(service, FAULT_SOURCE_OVERRUN, overrun);
     service_set_fault(service, FAULT_CAN_DEGRADED,
                       worst == CAN_STATE_WARNING || worst == CAN_STATE_PASSIVE,
                       "a CAN controller counts errors");
@@ -286,7 +301,9 @@ void sources_fill(const struct service *service, nsec_t now_ns, struct health *h
         const struct intake_counters *counters = pose_source_counters(slot->source);
         health->pose_accepted += counters->accepted;
         health->pose_rejected += intake_rejected_total(counters);
-        health->pose_lost += counters->lost;
+        /* A packet lost to a full queue may have left a gap, too: it is counted once. */
+        uint64_t drops = pose_source_kernel_drops(slot->source);
+        health->pose_lost += counters->lost > drops ? counters->lost : drops;
         health->can_frames += can ? counters->received : 0;
     }
     health->can_good = can_good;
