@@ -6,6 +6,7 @@
 #include <string.h>
 #include <sys/epoll.h>
 
+#include "daemon/inherited.h"
 #include "daemon/version.h"
 
 #define MODBUS_RETRY_NS (5 * NSEC_PER_SEC)
@@ -111,6 +112,9 @@ static int open_modbus(struct service *service, struct diag *diag)
         .control = config->allow_control ? on_control : NULL,
         .context = service,
     };
+    int inherited = inherited_socket("modbus");
+    if (inherited >= 0)
+        params.listen_fd = inherited;
     int r = modbus_server_open(&params, &service->modbus, diag);
     if (r < 0)
         return r;
@@ -133,8 +137,13 @@ void service_modbus_tick(struct service *service, nsec_t now_ns)
     service->modbus_retry_ns = now_ns + MODBUS_RETRY_NS;
     snprintf(sentence, sizeof(sentence), "Modbus cannot listen at %s", diag.text);
     service_set_fault(service, FAULT_MODBUS_FAILED, r < 0, sentence);
-    if (r == 0)
-        log_info("Modbus listens at %s", service->config.health.modbus.listen);
+    if (r == 0) {
+        union address address;
+        char text[ADDRESS_TEXT_MAX];
+        modbus_server_address(service->modbus, &address);
+        address_format(&address, text);
+        log_info("Modbus listens at %s", text);
+    }
 }
 
 void service_modbus_close(struct service *service)

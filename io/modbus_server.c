@@ -2,6 +2,7 @@
 
 #include <assert.h>
 #include <errno.h>
+#include <fcntl.h>
 #include <netinet/tcp.h>
 #include <stdlib.h>
 #include <string.h>
@@ -249,6 +250,19 @@ static int listen_at(struct modbus_server *server, const char *listen_text, stru
     return 0;
 }
 
+/* A socket that somebody else opened may block and may not even listen. */
+static int adopt(struct modbus_server *server, int fd, struct diag *diag)
+{
+    int listens = 0;
+    socklen_t length = sizeof(listens);
+    if (getsockopt(fd, SOL_SOCKET, SO_ACCEPTCONN, &listens, &length) < 0 || !listens)
+        return diag_set(diag, -EINVAL, "the inherited descriptor %d is no listening socket", fd);
+    server->listen_fd = fcntl(fd, F_DUPFD_CLOEXEC, 3);
+    if (server->listen_fd < 0 || fcntl(server->listen_fd, F_SETFL, O_NONBLOCK) < 0)
+        return diag_set(diag, -errno, "the inherited descriptor %d: %s", fd, strerror(errno));
+    return 0;
+}
+
 static int make_loop(struct modbus_server *server)
 {
     server->epoll_fd = epoll_create1(EPOLL_CLOEXEC);
@@ -273,7 +287,8 @@ static int open_parts(struct modbus_server *server, const struct modbus_server_p
     own.unit = params->unit ? params->unit : 1;
     int r = modbus_replier_init(&server->replier, &own);
     if (r == 0)
-        r = listen_at(server, params->listen, diag);
+        r = params->listen_fd ? adopt(server, params->listen_fd, diag)
+                              : listen_at(server, params->listen, diag);
     else
         diag_set(diag, r, "%s: %s", params->listen, strerror(-r));
     if (r == 0 && (r = make_loop(server)) < 0)

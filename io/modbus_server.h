@@ -32,6 +32,7 @@ struct modbus_control {
 
 struct modbus_server_params {
     const char *listen;       /* "ADDRESS:PORT"; port 0: the kernel chooses */
+    int listen_fd;            /* a listening socket instead of `listen`, duplicated; 0: none */
     unsigned unit;            /* answered besides 0 and 255; 0: 1 */
     bool allow_control;       /* else functions 1, 3, 5, 6, 15 and 16 do not exist */
     unsigned max_clients;     /* 0: 8; further ones are closed at once; at most 64 */
