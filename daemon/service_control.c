@@ -85,6 +85,14 @@ static void on_control(void *context, const struct modbus_control *control)
     health_publish(service, clock_monotonic_ns());
 }
 
+static void on_evicted(void *context, const union address *client, nsec_t idle_ns)
+{
+    char text[ADDRESS_TEXT_MAX];
+    address_format(client, text);
+    log_notice("Modbus client %s, silent for %.0f s, gave way to another", text,
+               seconds_from_ns(idle_ns));
+}
+
 static int on_modbus(sd_event_source *event, int fd, uint32_t revents, void *data)
 {
     struct service *service = data;
@@ -110,6 +118,7 @@ static int open_modbus(struct service *service, struct diag *diag)
         .version = OTWD_VERSION,
         .channel = service->config.channel.name,
         .control = config->allow_control ? on_control : NULL,
+        .evicted = on_evicted,
         .context = service,
     };
     int inherited = inherited_socket("modbus");

@@ -18,6 +18,7 @@
 #define EVENTS_A_CALL   16
 #define REQUESTS_A_TURN 8 /* of one client before the others have theirs */
 #define SWEEP_PERIOD_MS 250
+#define EVICT_AFTER_NS  (2 * NSEC_PER_SEC)
 
 struct client {
     int fd;            /* -1 where free */
@@ -68,12 +69,33 @@ static void client_drop(struct modbus_server *server, struct client *client)
     modbus_replier_publish_clients(&server->replier, server->count);
 }
 
+/* Frees the place of whoever asked nothing for longest, where that is long enough: clients that
+ * hang must not lock others out. */
+static struct client *evict(struct modbus_server *server)
+{
+    const struct modbus_server_params *params = &server->replier.params;
+    struct client *idlest = &server->clients[0];
+    for (unsigned i = 1; i < server->max_clients; i++)
+        if (server->clients[i].request_ns < idlest->request_ns)
+            idlest = &server->clients[i];
+    nsec_t idle_ns = server->now_ns - idlest->request_ns;
+    if (idle_ns < EVICT_AFTER_NS)
+        return NULL;
+    union address address = {0};
+    socklen_t length = sizeof(address);
+    getpeername(idlest->fd, &address.any, &length);
+    client_drop(server, idlest);
+    if (params->evicted)
+        params->evicted(params->context, &address, idle_ns);
+    return idlest;
+}
+
 static struct client *free_client(struct modbus_server *server)
 {
     for (unsigned i = 0; i < server->max_clients; i++)
         if (server->clients[i].fd < 0)
             return &server->clients[i];
-    return NULL;
+    return evict(server);
 }
 
 static void client_take(struct modbus_server *server, int fd)
