@@ -332,6 +332,43 @@ static void real_igc_files_fly_as_aircraft_do(void)
     }
 }
 
+/* Power goes while a line is written: it ends early, or in zeros that the file system made of it.
+ */
+static void a_text_that_breaks_off_is_read_up_to_there(void)
+{
+    static const struct {
+        const char *text;
+        size_t zeros, poses;
+        const char *says;
+    } cases[] = {
+        {"# altitude: ellipsoid\n" CSV_HEADER "0,1,2,3,4,5,6\n1,1,2,3,4,5,6\n2,1,2", 0, 2,
+         "f.txt:5: it ends within this line"},
+        {"# altitude: ellipsoid\n" CSV_HEADER "0,1,2,3,4,5,6\n1,1,2,3,4,5,6\n2,1,", 9, 2,
+         "f.txt:5: it ends within this line"},
+        {"AXXX001\nB1200004730000N00830000EA0050000550\nB1200014730000N00830010EA0050000550\n"
+         "B120002473000",
+         0, 2, "f.txt:4: it ends within this line"},
+        {"(1.0) can0 40C#011F0000AE147AE1\n(1.0) can0 40C#011E000040474147\n"
+         "(1.0) can0 40D#011F00000A3D70A4\n(1.0) can0 40E#01020000457A0000\n"
+         "(1.1) can0 40D#011E0000401FA3D7\n(1.2) can0 40C#011F0",
+         0, 1, "f.txt:6: it ends within this line"},
+    };
+    for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+        char text[512] = "";
+        struct flight *flight = NULL;
+        struct diag diag = {""};
+        size_t size = strlen(cases[i].text);
+        memcpy(text, cases[i].text, size);
+        CHECK_INT(flight_load_memory("f.txt", text, size + cases[i].zeros, &params, &flight, &diag),
+                  0);
+        if (!flight)
+            continue;
+        CHECK_INT(flight->count, cases[i].poses);
+        CHECK_CONTAINS(flight->note.text, cases[i].says);
+        flight_destroy(flight);
+    }
+}
+
 static void crc_is_the_one_of_ieee_802_3(void)
 {
     CHECK_INT(crc32_of_bytes(0, "123456789", 9), 0xcbf43926);
@@ -498,6 +535,7 @@ static const struct check_test tests[] = {
     {"IGC without GNSS altitude uses pressure above the geoid",
      igc_without_gnss_altitude_uses_pressure_above_the_geoid},
     {"real IGC files fly as aircraft do", real_igc_files_fly_as_aircraft_do},
+    {"a text that breaks off is read up to there", a_text_that_breaks_off_is_read_up_to_there},
     {"the CRC is the one of IEEE 802.3", crc_is_the_one_of_ieee_802_3},
     {"a recording comes back as it was", a_recording_comes_back_as_it_was},
     {"a torn tail costs only itself", a_torn_tail_costs_only_itself},
