@@ -198,8 +198,6 @@ static void tell_what_waits(const struct config *now, const struct config *next)
         {"display", memcmp(&now->display, &next->display, sizeof(now->display)) != 0},
         {"terrain", memcmp(&now->terrain, &next->terrain, sizeof(now->terrain)) != 0},
         {"environment.atmosphere", now->environment.atmosphere != next->environment.atmosphere},
-        {"sources", !same_sources(now, next)},
-        {"health", memcmp(&now->health, &next->health, sizeof(now->health)) != 0},
         {"record", memcmp(&now->record, &next->record, sizeof(now->record)) != 0},
     };
     char names[128] = "";
@@ -209,6 +207,31 @@ static void tell_what_waits(const struct config *now, const struct config *next)
                      names[0] ? ", " : "", sections[i].name);
     if (names[0])
         log_warning("changes to %s need a restart", names);
+}
+
+/* `next` is left with the old ones. */
+static void take_sources(struct service *service, struct config *next)
+{
+    struct config *now = &service->config;
+    const struct config old = *now;
+    if (same_sources(now, next))
+        return;
+    sources_close(service);
+    now->sources = next->sources;
+    now->sources_count = next->sources_count;
+    next->sources = old.sources;
+    next->sources_count = old.sources_count;
+    sources_init(service);
+}
+
+static void take_health(struct service *service, const struct config *next)
+{
+    if (memcmp(&service->config.health, &next->health, sizeof(next->health)) == 0)
+        return;
+    service_modbus_close(service);
+    service->config.health = next->health;
+    service->modbus_retry_ns = 0;
+    service_set_fault(service, FAULT_MODBUS_FAILED, false, "");
 }
 
 void service_reload(struct service *service)
@@ -224,6 +247,8 @@ void service_reload(struct service *service)
         return;
     }
     tell_what_waits(&service->config, &next);
+    take_sources(service, &next);
+    take_health(service, &next);
     service->config.pose = next.pose;
     service->config.environment = next.environment;
     service->input.policy = config_pose_policy(&next);
@@ -233,7 +258,7 @@ void service_reload(struct service *service)
         service->input.utc_offset_ns = next.environment.time_utc_ns - clock_monotonic_ns();
     service->generation++;
     service_publish(service);
-    log_notice("configuration %u: pose and environment are those of %s", service->generation,
-               service->config_path ? service->config_path : "(the defaults)");
+    log_notice("configuration %u: pose, environment, sources and health are those of %s",
+               service->generation, service->config_path ? service->config_path : "(the defaults)");
     config_finish(&next);
 }

@@ -36,6 +36,11 @@ struct counter_base {
     uint64_t frames, missed, accepted, rejected, lost, can_frames, terrain_errors, recorded;
 };
 
+/* What sources that a new configuration closed had counted. */
+struct source_totals {
+    uint64_t accepted, rejected, lost, can_frames;
+};
+
 struct service {
     struct config config;
     const char *config_path;
@@ -46,6 +51,7 @@ struct service {
 
     struct source_slot slots[ARBITER_SOURCES_MAX];
     unsigned slot_count;
+    struct source_totals closed;
     struct arbiter arbiter;
     int driving; /* whose pose was published last */
     bool has_pose;
