@@ -301,6 +301,18 @@ static void syntax_errors_have_their_place(void)
     CHECK_CONTAINS(complaints("channel: \xff\xfe\n"), "at byte 9");
 }
 
+static void a_typo_does_not_hide_what_is_wrong_elsewhere(void)
+{
+    CHECK_STRING(complaints("display: {widht: 800, rate_hz: 5000}\n"
+                            "channel: {frustum: {left_deg: 30, right_deg: -30}}\n"
+                            "sources: [{listen: here}]\n"),
+                 "1:11: unknown key 'display.widht'; did you mean 'width'?\n"
+                 "1:32: display.rate_hz is 5000; it must lie between 1 and 1000 Hz\n"
+                 "2:46: channel.frustum: left_deg 30 must be less than right_deg -30\n"
+                 "3:20: sources[0].listen is 'here'; it must be a numeric address and a port, like "
+                 "127.0.0.1:5500 or [::1]:5500");
+}
+
 /* A list in a list in a list: libyaml alone takes 20 s to say what is wrong with this. */
 static void deep_nesting_is_refused_at_once(void)
 {
@@ -420,6 +432,8 @@ int main(void)
         {"sources that contradict themselves or each other are named",
          sources_that_contradict_themselves_or_each_other_are_named},
         {"syntax errors have their place", syntax_errors_have_their_place},
+        {"a typo does not hide what is wrong elsewhere",
+         a_typo_does_not_hide_what_is_wrong_elsewhere},
         {"deep nesting is refused at once", deep_nesting_is_refused_at_once},
         {"anchors and aliases mean what YAML says", anchors_and_aliases_mean_what_yaml_says},
         {"all errors are reported in the order of the file",
