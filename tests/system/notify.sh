@@ -32,7 +32,7 @@ kill -HUP "$daemon"
 wait_for 5 is config_generation 2 || fail "generation $(field config_generation) after SIGHUP"
 write_flight flight.csv
 start send.log "$OTWD" send flight.csv --to "udp://127.0.0.1:$port" --rate 30
-wait_for 5 is state running || fail "state $(field state): the new source does not drive"
+wait_for 5 is source 1 || fail "source $(field source): the new one does not drive"
 logged "changes to display need a restart" || fail "the log does not say what waits for a restart"
 printf 'colour: red\n' >>otwd.yaml
 kill -HUP "$daemon"

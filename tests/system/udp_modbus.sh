@@ -7,7 +7,7 @@ port=$(free_port)
 modbus=$(free_port)
 write_flight flight.csv
 cat >otwd.yaml <<YAML
-display: {width: 160, height: 90, rate_hz: 20}
+display: {width: 160, height: 90, rate_hz: 5}
 sources:
   - {name: host, type: native, listen: "127.0.0.1:$port"}
 health: {modbus: {listen: "127.0.0.1:$modbus"}}
