@@ -16,7 +16,7 @@ case $? in
 *) fatal "import" ;;
 esac
 mkfifo questions answers
-start height.log sh -c '"$OTWD" height flat.db <questions >answers'
+start height.log sh -c "'$OTWD' height flat.db <questions >answers"
 exec 3>questions 4<answers
 for lon in 8.1 8.2; do
     echo "46.7 $lon" >&3
