@@ -499,6 +499,39 @@ static void recordings_stay_within_their_limit(void)
     globfree(&found);
 }
 
+/* Two channels that began in the same second share a directory and a stem. */
+static void a_recording_removes_files_of_its_own_only(void)
+{
+    struct otwlog_writer *mine = NULL, *other = NULL;
+    struct otwlog_params p = {.directory = scratch, .max_mib = 1};
+    for (int tries = 0; tries < 20; tries++) { /* until both begin in one second */
+        char theirs[4096], pattern[4096];
+        CHECK_INT(otwlog_create(&p, &other, NULL), 0);
+        CHECK_INT(otwlog_create(&p, &mine, NULL), 0);
+        snprintf(theirs, sizeof(theirs), "%s", otwlog_path(other));
+        bool shared = strncmp(theirs, otwlog_path(mine), strlen(theirs) - 10) == 0;
+        for (int i = 0; shared && i < 20000; i++) {
+            struct pose pose = pose_number(i);
+            CHECK(otwlog_add_pose(mine, 0, &pose));
+            if (i % 1000 == 0)
+                CHECK_INT(otwlog_flush(mine, NULL), 0);
+        }
+        CHECK_INT(access(theirs, F_OK), 0);
+        CHECK(!shared || otwlog_removed(mine) > 0);
+        otwlog_destroy(mine);
+        otwlog_destroy(other);
+        glob_t found;
+        snprintf(pattern, sizeof(pattern), "%s/otwd-*.otwlog", scratch);
+        CHECK_INT(glob(pattern, 0, NULL, &found), 0);
+        for (size_t i = 0; i < found.gl_pathc; i++)
+            unlink(found.gl_pathv[i]);
+        globfree(&found);
+        if (shared)
+            return;
+    }
+    CHECK_FAIL("never two recordings in one second");
+}
+
 static void a_full_ring_drops_and_counts(void)
 {
     struct otwlog_writer *writer = NULL;
@@ -540,6 +573,7 @@ static const struct check_test tests[] = {
     {"a recording comes back as it was", a_recording_comes_back_as_it_was},
     {"a torn tail costs only itself", a_torn_tail_costs_only_itself},
     {"recordings stay within their limit", recordings_stay_within_their_limit},
+    {"a recording removes files of its own only", a_recording_removes_files_of_its_own_only},
     {"a full ring drops and counts", a_full_ring_drops_and_counts},
 };
 
