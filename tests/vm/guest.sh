@@ -8,7 +8,13 @@ export PATH=/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin HOME=/root
 
 if [ "$suite" = systemd ] && [ $$ -eq 1 ]; then
     rm -f /.dockerenv # where the host is a container the guest is none
-    cp -a "$work/installed/." /
+    # QEMU reads the host's files with the rights of whoever started it, so what is root's alone there
+    # is made anew here.
+    rm -f /etc/shadow /etc/gshadow
+    for place in lib cache log; do
+        busybox mount -t tmpfs -o mode=755 "$place" "/var/$place"
+    done
+    cp -dR --preserve=mode "$work/installed/." /
     mkdir -p /run/systemd/system
     cp "$here/otwd-suite.service" "$here/otwd-suite.target" /run/systemd/system/
     sed -i "s|@guest@|$here/guest.sh|" /run/systemd/system/otwd-suite.service

@@ -47,7 +47,7 @@ process_status() {
 }
 
 step "sysusers and tmpfiles"
-sed -i '/^render:/d' /etc/group /etc/gshadow
+sed -i '/^render:/d' /etc/group /etc/gshadow 2>/dev/null
 systemd-sysusers || fail "systemd-sysusers: $?"
 grep -q '^render:' /etc/group || fail "the group render was not made"
 rm -rf /etc/otwd
