@@ -87,6 +87,7 @@ static int answer(struct terrain_source *source, struct geoid *geoid,
     if (options->normal)
         printf(" %.6f %.6f %.6f", normal[0], normal[1], normal[2]);
     putchar('\n');
+    fflush(stdout); /* whoever asks through a pipe waits for this line */
     return 0;
 }
 

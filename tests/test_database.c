@@ -245,8 +245,8 @@ static void lift_tile(struct database *database, struct tile_id id, struct tile_
     CHECK_INT(tile_cache_create(database, 64, &cache), 0);
     int status;
     symbols_from_heights(tile_cache_look(cache, id, &status), TILE_POST_COUNT, step_m, symbols);
-    symbols_from_heights(tile_cache_get(cache, grid_parent(grid, id)), TILE_POST_COUNT, step_m,
-                         above);
+    symbols_from_heights(tile_cache_look(cache, grid_parent(grid, id), &status), TILE_POST_COUNT,
+                         step_m, above);
     for (int i = 0; i < TILE_POST_COUNT; i++)
         symbols[i] += i / TILE_POSTS % 2 && i % TILE_POSTS % 2 == 0 ? 7 : 0;
     tile_record_measure(record, grid, symbols, step_m);

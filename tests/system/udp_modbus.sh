@@ -7,7 +7,7 @@ port=$(free_port)
 modbus=$(free_port)
 write_flight flight.csv
 cat >otwd.yaml <<YAML
-display: {width: 160, height: 90, rate_hz: 10}
+display: {width: 160, height: 90, rate_hz: 5}
 sources:
   - {name: host, type: native, listen: "127.0.0.1:$port"}
 health: {modbus: {listen: "127.0.0.1:$modbus"}}
@@ -50,7 +50,7 @@ echo "$position" | awk '
 wait_for 8 state_is 1 || fail "state register $(poll -t 3 -r 1)"
 [ "$(poll -t 3 -r 15)" = 1 ] || fail "active source register $(poll -t 3 -r 15)"
 frames=$(poll -t 3:int -B -r 2)
-wait_for 8 at_least frames_rendered $((frames + 20)) || fail "the frame counter stands at $frames"
+wait_for 10 at_least frames_rendered $((frames + 20)) || fail "the frame counter stands at $frames"
 [ "$(poll -t 1 -r 1)" = 1 ] || fail "the discrete input says that the pose is not valid"
 
 # silence
