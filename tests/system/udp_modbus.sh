@@ -20,6 +20,7 @@ poll() {
 }
 
 # state_is NUMBER: the state register, which leaves 1 for a second when a busy machine is late.
+# shellcheck disable=SC2317 # wait_for calls it
 state_is() {
     [ "$(poll -t 3 -r 1)" = "$1" ]
 }
