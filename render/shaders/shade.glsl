@@ -98,7 +98,8 @@ vec3 ground_radiance(vec3 enu, vec3 view, float distance_m, float altitude_km)
     float posts = distance_m * scene.view_rays[1].z * inversesqrt(clamp(-view.z, 0.02, 1.0));
     float lod = log2(posts) - 0.6;
     vec4 wide = textureLod(ground, place * (1.0 / 16384.0), lod - 6.0);
-    vec4 near = textureLod(ground, place * (1.0 / 512.0), lod - 1.0);
+    // Pushed about by the wide one, so that its tiles do not show as a lattice.
+    vec4 near = textureLod(ground, place * (1.0 / 512.0) + 0.3 * wide.zw, lod - 1.0);
 
     float steepness = length(surface.xy);
     float water = smoothstep(0.45, 0.55, surface.z);
