@@ -14,10 +14,10 @@
 
 #include "terrain/database_extent.h"
 #include "terrain/database_internal.h"
+#include "terrain/surface.h"
 #include "terrain/tile_cache.h"
 
-/* Positions this near to a post, in cells, are that post: angles in degrees are not exact. */
-#define SNAP_CELLS 1e-6
+#define SNAP_CELLS SURFACE_SNAP_CELLS
 
 #define ROWS_MAX (1 << 20)
 

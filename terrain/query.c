@@ -1,5 +1,6 @@
 #include "terrain/query.h"
 
+#include <assert.h>
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -26,6 +27,7 @@ int query_create(const struct query_params *params, struct query **ret_query)
     query->geoid = params->geoid;
     if (params->database) {
         struct database *database = database_of_source(params->database);
+        assert(database);
         query->grid = database_grid(database);
         query->top_level = database_top_level(database);
         query->cache = tile_cache_of_source(params->database);
