@@ -124,11 +124,7 @@ int database_verify(struct database *database, database_verify_function function
 int database_source_open(const char *path, unsigned cache_tiles, struct terrain_source **ret_source,
                          struct diag *diag);
 
-/* The height of the finest surface, as sample_point, and where ret_normal_enu is not NULL the
- * surface's upward unit normal in east, north, up (NaN where the height is). `source` must come
- * from database_source_open. Returns 0 or -errno. */
-int database_source_height(struct terrain_source *source, double lat_deg, double lon_deg,
-                           double *ret_height_m, double ret_normal_enu[3]);
-
 /* The database under a source; borrowed. */
 struct database *database_of_source(struct terrain_source *source);
+/* Its decoded tiles, which other threads may share once it streams; borrowed. */
+struct tile_cache *tile_cache_of_source(struct terrain_source *source);

@@ -14,10 +14,10 @@
 
 #include "terrain/database_extent.h"
 #include "terrain/database_internal.h"
+#include "terrain/surface.h"
 #include "terrain/tile_cache.h"
 
-/* Positions this near to a post, in cells, are that post: angles in degrees are not exact. */
-#define SNAP_CELLS 1e-6
+#define SNAP_CELLS SURFACE_SNAP_CELLS
 
 #define ROWS_MAX (1 << 20)
 
@@ -306,41 +306,6 @@ static int source_sample_point(struct terrain_source *terrain_source, double lat
     return 0;
 }
 
-/* Slope between two heights `apart_m` from each other; from the middle where one is missing. */
-static double slope(double before_m, double here_m, double after_m, double apart_m)
-{
-    if (!isnan(before_m) && !isnan(after_m))
-        return (after_m - before_m) / apart_m;
-    if (!isnan(after_m))
-        return (after_m - here_m) / (0.5 * apart_m);
-    if (!isnan(before_m))
-        return (here_m - before_m) / (0.5 * apart_m);
-    return 0.0;
-}
-
-/* The surface's normal from heights a quarter of a cell away on each side. The radii of curvature
- * are those of WGS84 (semi-major axis 6378137 m, flattening 1/298.257223563). */
-static void normal_at(struct database_source *source, double lat_deg, double lon_deg, double here_m,
-                      double ret_normal_enu[3])
-{
-    const double axis_m = 6378137.0, e2 = 6.69437999014131699614e-3, rad = M_PI / 180.0;
-    const struct grid *grid = &source->database->grid;
-    double d_lat = 0.25 * grid_lat_step_deg(grid, 0);
-    struct row_place place = place_row(grid, 0, lat_deg);
-    double d_lon = 0.25 * grid_lon_step_deg(grid, 0, grid_lon_shift(grid, 0, place.tile_row));
-    double sine = sin(lat_deg * rad), w = sqrt(1.0 - e2 * sine * sine);
-    double north_m = 2.0 * d_lat * rad * axis_m * (1.0 - e2) / (w * w * w);
-    double east_m = 2.0 * d_lon * rad * axis_m / w * fmax(cos(lat_deg * rad), 1e-9);
-    double dz_dn = slope(height_at(source, lat_deg - d_lat, lon_deg), here_m,
-                         height_at(source, lat_deg + d_lat, lon_deg), north_m);
-    double dz_de = slope(height_at(source, lat_deg, lon_deg - d_lon), here_m,
-                         height_at(source, lat_deg, lon_deg + d_lon), east_m);
-    double length = sqrt(dz_de * dz_de + dz_dn * dz_dn + 1.0);
-    ret_normal_enu[0] = -dz_de / length;
-    ret_normal_enu[1] = -dz_dn / length;
-    ret_normal_enu[2] = 1.0 / length;
-}
-
 static int source_stream(struct terrain_source *terrain_source, void (*arrived)(void *user),
                          void *user, struct diag *diag)
 {
@@ -418,25 +383,14 @@ static const struct terrain_source_ops database_source_ops = {
     .focus = source_focus,
 };
 
-int database_source_height(struct terrain_source *source, double lat_deg, double lon_deg,
-                           double *ret_height_m, double ret_normal_enu[3])
-{
-    double height_m;
-    int r = source_sample_point(source, lat_deg, lon_deg, &height_m);
-    if (r < 0)
-        return r;
-    *ret_height_m = height_m;
-    if (ret_normal_enu && isnan(height_m))
-        ret_normal_enu[0] = ret_normal_enu[1] = ret_normal_enu[2] = NAN;
-    else if (ret_normal_enu)
-        normal_at(of(source), lat_deg, lon_deg, height_m, ret_normal_enu);
-    count_tiles(of(source));
-    return 0;
-}
-
 struct database *database_of_source(struct terrain_source *source)
 {
     return source->ops == &database_source_ops ? of(source)->database : NULL;
+}
+
+struct tile_cache *tile_cache_of_source(struct terrain_source *source)
+{
+    return source->ops == &database_source_ops ? of(source)->cache : NULL;
 }
 
 int database_source_open(const char *path, unsigned cache_tiles, struct terrain_source **ret_source,

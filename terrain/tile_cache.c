@@ -158,6 +158,11 @@ static void unpin(struct tile_cache *cache, uint32_t index)
         pthread_cond_broadcast(&cache->unpinned);
 }
 
+static uint32_t make(struct tile_cache *cache, struct tile_id id)
+{
+    return cache->worker_count > 0 ? make_elsewhere(cache, id) : make_now(cache, id);
+}
+
 const float *tile_cache_look(struct tile_cache *cache, struct tile_id id, int *ret_status)
 {
     const float *heights_m = NULL;
@@ -165,7 +170,7 @@ const float *tile_cache_look(struct tile_cache *cache, struct tile_id id, int *r
     pthread_mutex_lock(&cache->lock);
     if (cache->held != TILE_NONE)
         unpin(cache, cache->held);
-    cache->held = cache->worker_count > 0 ? make_elsewhere(cache, id) : make_now(cache, id);
+    cache->held = make(cache, id);
     if (cache->held != TILE_NONE) {
         struct tile_entry *entry = entry_at(cache, cache->held);
         entry->pins++;
@@ -174,6 +179,32 @@ const float *tile_cache_look(struct tile_cache *cache, struct tile_id id, int *r
     }
     pthread_mutex_unlock(&cache->lock);
     return heights_m;
+}
+
+static struct tile_pin pin_entry(struct tile_cache *cache, uint32_t index)
+{
+    struct tile_pin pin = {.entry = index, .late = true};
+    if (index != TILE_NONE) {
+        struct tile_entry *entry = entry_at(cache, index);
+        entry->pins++;
+        pin.heights_m = entry->content.present ? entry->content.heights_m : NULL;
+        pin.late = entry->state != TILE_READY;
+        pin.bounds = entry->content.bounds;
+    }
+    return pin;
+}
+
+int tile_cache_pin_made(struct tile_cache *cache, struct tile_id id, struct tile_pin *ret_pin)
+{
+    pthread_mutex_lock(&cache->lock);
+    *ret_pin = pin_entry(cache, make(cache, id));
+    pthread_mutex_unlock(&cache->lock);
+    return ret_pin->entry == TILE_NONE ? -ENOMEM : 0;
+}
+
+bool tile_cache_streams(const struct tile_cache *cache)
+{
+    return cache->worker_count > 0;
 }
 
 /* The tile's entry with something to show, from its parent where need be. */
@@ -199,12 +230,9 @@ void tile_cache_pin(struct tile_cache *cache, struct tile_id id, float rank,
 {
     pthread_mutex_lock(&cache->lock);
     uint32_t index = show_now(cache, id);
-    *ret_pin = (struct tile_pin){.entry = index, .late = true};
+    *ret_pin = pin_entry(cache, index);
     if (index != TILE_NONE) {
         struct tile_entry *entry = entry_at(cache, index);
-        entry->pins++;
-        ret_pin->heights_m = entry->content.present ? entry->content.heights_m : NULL;
-        ret_pin->late = entry->state != TILE_READY;
         cache->counts.hits += !ret_pin->late;
         cache->counts.late += ret_pin->late;
         if (ret_pin->late) {

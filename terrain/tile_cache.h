@@ -11,7 +11,7 @@
 
 #include <stdint.h>
 
-#include "terrain/database.h"
+#include "terrain/tile_make.h"
 
 #define TILE_CACHE_BYTES_PER_TILE (TILE_POST_COUNT * sizeof(float))
 #define TILE_CACHE_WORKERS_MAX    16
@@ -38,11 +38,18 @@ struct tile_pin {
     const float *heights_m; /* NULL: no data */
     uint32_t entry;
     bool late; /* coarser than the database has it: wanted now */
+    struct tile_bounds bounds;
 };
+
+/* True where there are workers. Any thread. */
+bool tile_cache_streams(const struct tile_cache *cache);
 
 /* Any thread; never waits for the disk. Needs workers. */
 void tile_cache_pin(struct tile_cache *cache, struct tile_id id, float rank,
                     struct tile_pin *ret_pin);
+/* Waits until the tile is decoded: by a worker, or, where there are none, here and now (then one
+ * thread at a time). Returns 0, or -ENOMEM and an empty pin. */
+int tile_cache_pin_made(struct tile_cache *cache, struct tile_id id, struct tile_pin *ret_pin);
 void tile_cache_unpin(struct tile_cache *cache, const struct tile_pin *pin);
 
 /* Asks for a tile that will be needed. It is forgotten unless it is asked for again within a

@@ -1,6 +1,7 @@
 #include "terrain/tile_make.h"
 
 #include <errno.h>
+#include <math.h>
 #include <stdlib.h>
 
 #include "terrain/block.h"
@@ -9,6 +10,7 @@
 void tile_make_coarse(const struct grid *grid, struct tile_id id, const struct tile_content *parent,
                       struct tile_content *content)
 {
+    content->bounds = parent->bounds;
     content->present = parent->present &&
                        block_heights_from_parent(grid, id, parent->heights_m, content->heights_m);
 }
@@ -27,6 +29,23 @@ static int decode(struct database *database, const struct tile_record *record, c
     return r;
 }
 
+static bool all_known(const float *heights_m)
+{
+    int unknown = 0;
+    for (int i = 0; i < TILE_POST_COUNT; i++)
+        unknown += isnan(heights_m[i]);
+    return unknown == 0;
+}
+
+/* A record's extremes are those of its own posts; the finest surface may leave them by its error
+ * (and a centimetre for what is rounded on the way). */
+static struct tile_bounds bounds_of(const struct tile_record *record, const float *heights_m)
+{
+    float margin_m = record->id.level > 0 ? (float)record->error_m + 0.01f : 0.0f;
+    return (struct tile_bounds){record->min_m - margin_m, record->max_m + margin_m,
+                                all_known(heights_m)};
+}
+
 static int read_tile(struct database *database, struct tile_id id, const float *parent,
                      struct tile_content *content)
 {
@@ -35,6 +54,8 @@ static int read_tile(struct database *database, struct tile_id id, const float *
     int r = symbols ? database_read_record(database, id, &record, NULL) : -ENOMEM;
     if (r == 0)
         r = decode(database, &record, parent, symbols, content->heights_m);
+    if (r == 0)
+        content->bounds = bounds_of(&record, content->heights_m);
     content->children = r == 0 ? record.children : 0;
     tile_record_finish(&record);
     free(symbols);

@@ -6,12 +6,19 @@
 
 #include "terrain/database.h"
 
+/* What the finest surface under a tile cannot leave. */
+struct tile_bounds {
+    float min_m, max_m; /* where it has heights at all */
+    bool full;          /* every post of the tile has a height */
+};
+
 /* What a tile turned out to be. */
 struct tile_content {
     float *heights_m; /* TILE_POST_COUNT; owned by whoever made room for them */
     int status;       /* 0, DATABASE_ABSENT or -errno: it, or its parent, cannot be read */
     bool present;     /* false: no post has a height, and heights_m says nothing */
     uint8_t children; /* of its record, where it has one */
+    struct tile_bounds bounds;
 };
 
 /* Reads and decodes a tile, or makes it from its parent where there is none or it is damaged:

@@ -6,11 +6,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define SEA_LEVEL_M   0.01f  /* sources have the sea at 0 */
-#define SHALLOW_M     -20.0f /* lower ground is taken for land, such as the Dead Sea's shores */
-#define GEOID_STRIDE  16     /* half-posts */
-#define GEOID_COLUMNS 80     /* enough for the widest window */
-#define LATE_SIDE     64     /* half-posts a side of what is sampled again by itself */
+#include "terrain/ground.h"
+
+#define GEOID_STRIDE  16 /* half-posts */
+#define GEOID_COLUMNS 80 /* enough for the widest window */
+#define LATE_SIDE     64 /* half-posts a side of what is sampled again by itself */
 #define REFRESH_PARTS (LOADER_MAX_STRIPS / 2) /* each may need a strip of the finer level, too */
 
 int window_filler_init(struct window_filler *filler, const struct clipmap_shape *shape,
@@ -62,14 +62,12 @@ static bool sample_source(const struct window_filler *filler, struct terrain_sou
 static bool any_void_or_low(const float *altitude_m, size_t count)
 {
     for (size_t i = 0; i < count; i++)
-        if (!(altitude_m[i] > SEA_LEVEL_M))
+        if (ground_asks_fallback(altitude_m[i]))
             return true;
     return false;
 }
 
-/* Puts the fallback's height (or 0) where the source has none, and finds the water: what lies at
- * sea level, and what the source has a little lower where the fallback has sea (a scenery's chords
- * under the round Earth, shallow bathymetry). */
+/* Puts the fallback's height (or 0) where the source has none, and finds the water. */
 static void settle_ground(struct window_filler *filler, const struct terrain_grid *grid,
                           size_t count, bool *late)
 {
@@ -81,9 +79,7 @@ static void settle_ground(struct window_filler *filler, const struct terrain_gri
             altitude_m = have ? filler->fallback_m[i] : 0.0f;
         if (isnan(altitude_m))
             altitude_m = 0.0f;
-        bool at_sea_level = fabsf(altitude_m) < SEA_LEVEL_M;
-        bool shallow = altitude_m < SEA_LEVEL_M && altitude_m > SHALLOW_M;
-        filler->water[i] = at_sea_level || (shallow && have && filler->fallback_m[i] == 0.0f);
+        filler->water[i] = ground_is_water(altitude_m, have ? filler->fallback_m[i] : NAN);
         filler->altitude_m[i] = altitude_m;
     }
 }
