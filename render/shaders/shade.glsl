@@ -98,12 +98,12 @@ vec3 ground_radiance(vec3 enu, vec3 view, float distance_m, float altitude_km)
     float posts = distance_m * scene.view_rays[1].z * inversesqrt(clamp(-view.z, 0.02, 1.0));
     float lod = log2(posts) - 0.6;
     vec4 wide = textureLod(ground, place * (1.0 / 16384.0), lod - 6.0);
-    // Pushed about by the wide one, so that its tiles do not show as a lattice.
-    vec4 near = textureLod(ground, place * (1.0 / 512.0) + 0.3 * wide.zw, lod - 1.0);
+    vec4 middle = textureLod(ground, place * (1.0 / 2048.0), lod - 3.0);
+    vec4 near = textureLod(ground, place * (1.0 / 256.0), lod);
 
     float steepness = length(surface.xy);
     float water = smoothstep(0.45, 0.55, surface.z);
-    vec2 bumps = (wide.xy - 0.5) * 1.2 + (near.xy - 0.5) * 1.8;
+    vec2 bumps = (wide.xy - 0.5) * 0.7 + (middle.xy - 0.5) * 1.3 + (near.xy - 0.5) * 1.4;
     vec2 slope = surface.xy + bumps * (0.12 + 0.88 * min(steepness, 1.0)) * (1.0 - water);
     slope += (near.xy - 0.5) * 0.05 * water;
     vec3 normal = normalize(vec3(-slope, 1.0));
@@ -114,7 +114,8 @@ vec3 ground_radiance(vec3 enu, vec3 view, float distance_m, float altitude_km)
     if (water >= 1.0)
         return water_radiance(view, normal, sun_colour, ambient);
     float lit = max(dot(normal, scene.sun.xyz), 0.0);
-    vec3 albedo = land_colour(altitude_km, steepness, wide, near);
+    vec3 albedo =
+        land_colour(altitude_km, steepness, mix(wide, middle, 0.35), mix(middle, near, 0.5));
     vec3 radiance = albedo * (sun_colour * lit + ambient * (0.55 + 0.45 * normal.z));
     if (water > 0.0)
         radiance = mix(radiance, water_radiance(view, normal, sun_colour, ambient), water);
