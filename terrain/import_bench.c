@@ -64,15 +64,16 @@ static bool is_on_a_grid(const struct raster *raster)
     return raster_is_exact(facts, &grid, raster_level(facts, &grid) / BLOCK_LEVELS * BLOCK_LEVELS);
 }
 
-/* The south-western post is the corner of tiles on all levels. */
+/* The south-western post is the first inside a tile, in both directions: an outline along the
+ * borders of tiles would be in two of them everywhere, as that of a real raster seldom is. */
 static int place_view(GDALDatasetH view)
 {
     const double second = 1.0 / PLACED_PER_DEGREE;
     int width = GDALGetRasterXSize(view), height = GDALGetRasterYSize(view);
-    if (width > PLACED_WIDTH_MAX || height > PLACED_HEIGHT_MAX)
+    if (width >= PLACED_WIDTH_MAX || height >= PLACED_HEIGHT_MAX)
         return -EFBIG;
-    double north = second * (height - 1) + 0.5 * second;
-    double transform[6] = {-180.0 - 0.5 * second, second, 0.0, north, 0.0, -second};
+    double north = second * (height + 0.5);
+    double transform[6] = {-180.0 + 0.5 * second, second, 0.0, north, 0.0, -second};
     OGRSpatialReferenceH crs = OSRNewSpatialReference(NULL);
     OSRSetWellKnownGeogCS(crs, "WGS84");
     OSRSetAxisMappingStrategy(crs, OAMS_TRADITIONAL_GIS_ORDER);
