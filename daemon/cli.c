@@ -23,6 +23,7 @@ int cli_exit_status(int error)
     case EBADMSG:
     case EPROTONOSUPPORT:
     case ERANGE:
+    case EFBIG:
         return EX_DATAERR;
     case ENODEV:
     case ENOTSUP:
@@ -37,6 +38,8 @@ int cli_exit_status(int error)
         return EX_TEMPFAIL;
     case ENOMEM:
         return EX_OSERR;
+    case ENOTRECOVERABLE: /* what cannot be wrong is */
+        return EX_SOFTWARE;
     default:
         return EX_IOERR;
     }

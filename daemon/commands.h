@@ -5,6 +5,7 @@
 #include "daemon/replay.h"
 #include "daemon/status.h"
 
+int bench_main(int argc, char **argv);
 int import_main(int argc, char **argv);
 int merge_main(int argc, char **argv);
 int info_main(int argc, char **argv);

@@ -1,4 +1,5 @@
 /* otwd-import: the program behind `otwd import`, and the only one that links GDAL. */
+#include <argp.h>
 #include <errno.h>
 #include <signal.h>
 #include <stdio.h>
@@ -8,6 +9,7 @@
 #include <unistd.h>
 
 #include "base/clock.h"
+#include "daemon/bench_codec.h"
 #include "daemon/import_options.h"
 #include "terrain/database.h"
 
@@ -181,6 +183,9 @@ static int close_output(int status)
 
 int main(int argc, char **argv)
 {
+    argp_program_version = "otwd-import " OTWD_VERSION;
+    if (argc > 1 && strcmp(argv[1], "--bench-codec") == 0)
+        return close_output(bench_codec_main(argc - 1, argv + 1));
     struct arguments arguments = {.import = {.fill_posts = IMPORT_FILL_DEFAULT}};
     struct diag diag = {.text = ""};
     int r = import_parse_arguments(argc, argv, &arguments);

@@ -26,6 +26,7 @@ static const struct command commands[] = {
     {"verify", verify_main, "every tile of a terrain database decoded and checked"},
     {"height", height_main, "terrain height at a place"},
     {"send", send_main, "play a flight as a host would"},
+    {"bench", bench_main, "techniques side by side"},
     {"status", status_main, "a running daemon's health"},
     {"check-config", check_config_main, "say what is wrong with a configuration"},
 };

@@ -1,4 +1,4 @@
-/* An open raster, shared by the file that opens it and the one that samples it; not for others. */
+/* An open raster, shared by the files that open, sample and measure it; not for others. */
 #pragma once
 
 #include <gdal.h>

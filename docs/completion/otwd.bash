@@ -1,8 +1,8 @@
 # bash completion for otwd                                               -*- shell-script -*-
 
-# The options of a subcommand, from its own help, which cannot be out of date.
+# The options of a subcommand (and its subject), from its own help, which cannot be out of date.
 _otwd_options() {
-    "$1" "$2" --help 2>/dev/null | sed -n 's/^ *\(-., \)\{0,1\} *\(--[a-z-]*\).*/\2/p'
+    "$@" --help 2>/dev/null | sed -n 's/^ *\(-., \)\{0,1\} *\(--[a-z-]*\).*/\2/p'
 }
 
 # The words that an option takes; nothing where it takes a file or free text.
@@ -13,23 +13,25 @@ _otwd_values() {
     --vertical) echo "egm96 egm2008 egm84 ellipsoid" ;;
     --datum) echo "egm96 ellipsoid" ;;
     --speed) echo "max" ;;
+    bench) echo "codec" ;;
     --to) echo "udp:// can: sim:" ;;
     esac
 }
 
 _otwd() {
-    local current=${COMP_WORDS[COMP_CWORD]} previous=${COMP_WORDS[COMP_CWORD - 1]} values options
+    local current=${COMP_WORDS[COMP_CWORD]} previous=${COMP_WORDS[COMP_CWORD - 1]} values options words=2
     COMPREPLY=()
     if [ "$COMP_CWORD" -eq 1 ]; then
         mapfile -t COMPREPLY < <(compgen -W "run replay demo import merge info verify height send
-            status check-config --help --version" -- "$current")
+            bench status check-config --help --version" -- "$current")
         return
     fi
     values=$(_otwd_values "$previous")
     if [ -n "$values" ]; then
         mapfile -t COMPREPLY < <(compgen -W "$values" -- "$current")
     elif [[ $current == -* ]]; then
-        options=$(_otwd_options "${COMP_WORDS[0]}" "${COMP_WORDS[1]}")
+        [ "${COMP_WORDS[1]}" != bench ] || words=3
+        options=$(_otwd_options "${COMP_WORDS[@]:0:words}")
         mapfile -t COMPREPLY < <(compgen -W "$options" -- "$current")
     else
         mapfile -t COMPREPLY < <(compgen -f -- "$current")

@@ -11,14 +11,17 @@ told() {
     awk -v name="$1" '/^\.S[sh] / { on = $0 == ".Ss otwd " name } on && /^\.It Fl/' \
         "$source_root/docs/man/otwd.1" | grep -o 'Fl -[a-z-]*' | sed 's/Fl -//'
 }
-# shellcheck disable=SC2016 # the inner shell's variables
+# shellcheck disable=SC2016,SC2086 # the inner shell's variables; a name may be two words
 completed() {
-    bash -c '. "$1"; COMP_WORDS=("$2" "$3" --); COMP_CWORD=2; _otwd; printf "%s\n" "${COMPREPLY[@]}"' \
-        bash "$source_root/docs/completion/otwd.bash" "$OTWD" "$1" |
+    bash -c '. "$1"; COMP_WORDS=("${@:2}" --); COMP_CWORD=$(($# - 1)); _otwd
+        printf "%s\n" "${COMPREPLY[@]}"' \
+        bash "$source_root/docs/completion/otwd.bash" "$OTWD" $1 |
         sed 's/^--//' | grep -vx 'help\|usage\|version'
 }
-for name in run replay demo import merge info verify height send status check-config; do
-    "$OTWD" "$name" --help >help.txt 2>&1
+# shellcheck disable=SC2086 # a name may be two words
+for name in run replay demo import merge info verify height send 'bench codec' status \
+    check-config; do
+    "$OTWD" $name --help >help.txt 2>&1
     if [ $? -eq 69 ]; then # no GDAL, no import
         cat help.txt
         continue
@@ -30,8 +33,8 @@ for name in run replay demo import merge info verify height send status check-co
     diff helped.txt told.txt >"$name.log" || fail "$name: --help (<) and the manual (>) differ"
     diff helped.txt completed.txt >>"$name.log" ||
         fail "$name: --help (<) and the completion (>) differ"
-    "$OTWD" "$name" --version | grep -q '^otwd' || fail "$name: no --version"
-    "$OTWD" "$name" --no-such-option 2>wrong.txt
+    "$OTWD" $name --version | grep -q '^otwd' || fail "$name: no --version"
+    "$OTWD" $name --no-such-option 2>wrong.txt
     [ $? -eq 64 ] || fail "$name: a wrong option is not 64"
     grep -q -- '--no-such-option' wrong.txt || fail "$name: a wrong option is not named"
 done

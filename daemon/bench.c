@@ -1,0 +1,40 @@
+/* `otwd bench SUBJECT`: techniques side by side. */
+#include <stdio.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "daemon/cli.h"
+#include "daemon/commands.h"
+#include "daemon/import_exec.h"
+
+static void print_subjects(FILE *out)
+{
+    fputs("Usage: otwd bench SUBJECT [ARGUMENT...]\n\n"
+          "Techniques side by side.\n\n"
+          "  codec RASTER...  the height codec beside LERC, zstd and PNG\n"
+          "\n`otwd bench SUBJECT --help` says more.\n",
+          out);
+}
+
+int bench_main(int argc, char **argv)
+{
+    const char *subject = argc > 1 ? argv[1] : "";
+    if (strcmp(subject, "--help") == 0 || strcmp(subject, "-h") == 0) {
+        print_subjects(stdout);
+        return EX_OK;
+    }
+    if (strcmp(subject, "--version") == 0) {
+        puts(argp_program_version);
+        return EX_OK;
+    }
+    if (strcmp(subject, "codec") == 0) { /* rasters are GDAL's to read */
+        argv[1] = (char *)"--bench-codec";
+        return import_exec(argv);
+    }
+    if (*subject)
+        fprintf(stderr, "otwd: there is no subject \"%s\"; `otwd bench --help` lists them\n",
+                subject);
+    else
+        print_subjects(stderr);
+    return EX_USAGE;
+}
