@@ -132,6 +132,18 @@ static double within_limits(double pixels)
     return pixels <= 1.0 + ALIGNED_PIXELS ? 1.0 : fmin(pixels, PIXELS_A_POST_MAX);
 }
 
+struct raster_spread raster_spread_of(const struct raster *raster, double lat_deg, double north_deg,
+                                      double east_deg)
+{
+    if (raster->facts.geographic)
+        return (struct raster_spread){within_limits(east_deg / fabs(raster->dx)),
+                                      within_limits(north_deg / fabs(raster->dy))};
+    east_deg *= cos(lat_deg * M_PI / 180.0);
+    double posts_deg = sqrt(fmax(east_deg, 0.25 * north_deg) * north_deg);
+    double pixels = within_limits(posts_deg / raster->spacing_deg);
+    return (struct raster_spread){pixels, pixels};
+}
+
 struct raster_spread raster_spread_at(const struct raster *raster, const struct grid *grid,
                                       int level, int64_t row)
 {
@@ -142,13 +154,7 @@ struct raster_spread raster_spread_at(const struct raster *raster, const struct 
     cell = cell >= last ? last - 1 : cell < first ? first : cell;
     unsigned shift = grid_lon_shift(grid, 0, (int32_t)grid_floor_div(cell, TILE_CELLS));
     double north_deg = grid_lat_step_deg(grid, 0), east_deg = grid_lon_step_deg(grid, 0, shift);
-    if (raster->facts.geographic)
-        return (struct raster_spread){within_limits(east_deg / fabs(raster->dx)),
-                                      within_limits(north_deg / fabs(raster->dy))};
-    east_deg *= cos(grid_post_lat_deg(grid, level, row) * M_PI / 180.0);
-    double posts_deg = sqrt(fmax(east_deg, 0.25 * north_deg) * north_deg);
-    double pixels = within_limits(posts_deg / raster->spacing_deg);
-    return (struct raster_spread){pixels, pixels};
+    return raster_spread_of(raster, grid_post_lat_deg(grid, level, row), north_deg, east_deg);
 }
 
 void raster_measure_spacing(struct raster *raster)
