@@ -262,17 +262,12 @@ static bool window_around(const struct raster *raster, const struct part *part,
     return true;
 }
 
-static double triangle(double distance, double width)
-{
-    return fmax(0.0, 1.0 - fabs(distance) / width);
-}
-
 /* The sum of a triangle's weights at whole numbers. */
-static double triangle_sum(double position, double width)
+static double weight_sum(double position, double width)
 {
     double sum = 0.0;
     for (double i = floor(position - width) + 1.0; i < position + width; i += 1.0)
-        sum += triangle(i - position, width);
+        sum += image_weight(i - position, width);
     return sum;
 }
 
@@ -282,10 +277,10 @@ static double rows_sum(const struct window *window, int64_t top, int64_t bottom,
 {
     bool cut[2] = {y - width<(double)(window->y - 1), y + width> window->y + window->height};
     if (!(cut[0] && window->at_pole[0]) && !(cut[1] && window->at_pole[1]))
-        return triangle_sum(y, width);
+        return weight_sum(y, width);
     double sum = 0.0;
     for (int64_t row = top; row <= bottom; row++)
-        sum += triangle((double)row - y, width);
+        sum += image_weight((double)row - y, width);
     return sum;
 }
 
@@ -300,13 +295,13 @@ static void add_texel(const struct window *window, const struct image_light *lig
     last = last < window->x + window->width - 1 ? last : window->x + window->width - 1;
     top = top > window->y ? top : window->y;
     bottom = bottom < window->y + window->height - 1 ? bottom : window->y + window->height - 1;
-    double all = triangle_sum(x, spread.x) * rows_sum(window, top, bottom, y, spread.y);
+    double all = weight_sum(x, spread.x) * rows_sum(window, top, bottom, y, spread.y);
     for (int64_t row = top; row <= bottom; row++)
         for (int64_t col = first; col <= last; col++) {
             const uint8_t *pixel =
                 window->rgba + 4 * ((row - window->y) * window->width + col - window->x);
-            double weight =
-                triangle((double)row - y, spread.y) * triangle((double)col - x, spread.x) / all;
+            double weight = image_weight((double)row - y, spread.y) *
+                            image_weight((double)col - x, spread.x) / all;
             double share = weight * pixel[3] / 255.0;
             covered += weight;
             for (int band = 0; band < 3; band++)
