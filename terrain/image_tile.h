@@ -40,13 +40,6 @@ const struct image_light *image_light_of(enum image_kind kind);
 void image_texel_from_light(const struct image_light *light, const float sums[4],
                             uint8_t ret_rgba[4]);
 
-/* The weight of a sample so far from a place: a triangle that reaches `width` to both sides. */
-static inline double image_weight(double distance, double width)
-{
-    double weight = 1.0 - (distance < 0.0 ? -distance : distance) / width;
-    return weight > 0.0 ? weight : 0.0;
-}
-
 /* The grid of the heights with `finer` more levels below it, as many as there is room for. Tiles
  * are named by the levels of the heights, negative ones too. */
 struct image_grid {

@@ -31,6 +31,13 @@ static int level_for(struct imagery *imagery, const struct terrain_grid *posts)
     return level;
 }
 
+/* The weight of a texel so far from a place: a triangle that reaches `width` to both sides. */
+static double triangle(double distance, double width)
+{
+    double weight = 1.0 - fabs(distance) / width;
+    return weight > 0.0 ? weight : 0.0;
+}
+
 /* A row of texels of one tile, from its first column on; NULL where there is none. */
 static const uint8_t *texel_row(struct sampling *sampling, int64_t row, int64_t tile_col)
 {
@@ -67,7 +74,7 @@ static void add_row(struct sampling *sampling, int64_t row, double row_weight)
         double x = 2.0 * grid_col_at(grid, level, shift, lon_deg) - 0.5, total = 0.0;
         int64_t first = (int64_t)floor(x - width) + 1, last = (int64_t)ceil(x + width) - 1;
         for (int64_t i = first; i <= last; i++)
-            total += image_weight((double)i - x, width);
+            total += triangle((double)i - x, width);
         for (int64_t i = first; i <= last; i++) {
             int64_t at = i - grid_floor_div(i, around) * around;
             if (at / IMAGE_SIDE != held) {
@@ -76,8 +83,7 @@ static void add_row(struct sampling *sampling, int64_t row, double row_weight)
             }
             if (texels)
                 add_texel(sampling->light, texels + 4 * (at - held * IMAGE_SIDE),
-                          row_weight * image_weight((double)i - x, width) / total,
-                          sampling->sums[col]);
+                          row_weight * triangle((double)i - x, width) / total, sampling->sums[col]);
         }
     }
 }
@@ -95,10 +101,10 @@ static void sum_row(struct sampling *sampling, int post_row)
     int64_t lowest, highest;
     image_grid_rows(sampling->grid, sampling->level, &lowest, &highest);
     for (int64_t i = first; i <= last; i++)
-        total += image_weight((double)i - y, width);
+        total += triangle((double)i - y, width);
     memset(sampling->sums, 0, (size_t)posts->cols * sizeof(*sampling->sums));
     for (int64_t i = first; i <= last; i++) {
-        double weight = image_weight((double)i - y, width) / total;
+        double weight = triangle((double)i - y, width) / total;
         if (weight > 0.0)
             add_row(sampling, i < lowest ? lowest : i > highest ? highest : i, weight);
     }

@@ -11,6 +11,7 @@
 #define STRIP_PIXELS  (1 << 16)
 #define WINDOW_PIXELS (1 << 20) /* read at once */
 #define STRIP_ROWS    64        /* of texels, placed at once */
+#define TAPS_MAX      (4 * RASTER_SPREAD_MAX + 2)
 
 /* The bands that make a pixel. */
 struct bands {
@@ -239,81 +240,95 @@ static bool window_around(const struct raster *raster, const struct part *part,
                           struct window *ret_window)
 {
     const struct raster_facts *facts = &raster->facts;
+    double reach_x = 2.0 * part->spread.x, reach_y = 2.0 * part->spread.y;
     double x0 = INFINITY, y0 = INFINITY, x1 = -INFINITY, y1 = -INFINITY;
     for (int i = 0; i < part->rows * part->cols; i++) {
         double x = raster->lon[i], y = raster->lat[i];
-        bool beside = x <= -part->spread.x || x >= facts->width - 1 + part->spread.x;
-        if (isnan(x) || (beside && !raster->periodic) || y <= -part->spread.y ||
-            y >= facts->height - 1 + part->spread.y)
+        bool beside = x <= -reach_x || x >= facts->width - 1 + reach_x;
+        if (isnan(x) || (beside && !raster->periodic) || y <= -reach_y ||
+            y >= facts->height - 1 + reach_y)
             continue;
         x0 = fmin(x0, x), x1 = fmax(x1, x);
         y0 = fmin(y0, y), y1 = fmax(y1, y);
     }
     if (x0 > x1)
         return false;
-    x0 = floor(x0 - part->spread.x), x1 = ceil(x1 + part->spread.x);
+    x0 = floor(x0 - reach_x), x1 = ceil(x1 + reach_x);
     if (!raster->periodic)
         x0 = fmax(x0, 0.0), x1 = fmin(x1, facts->width - 1);
-    y0 = fmax(floor(y0 - part->spread.y), 0.0);
-    y1 = fmin(ceil(y1 + part->spread.y), facts->height - 1);
+    y0 = fmax(floor(y0 - reach_y), 0.0);
+    y1 = fmin(ceil(y1 + reach_y), facts->height - 1);
     *ret_window = (struct window){
         .x = (int64_t)x0, .y = (int)y0, .width = (int)(x1 - x0) + 1, .height = (int)(y1 - y0) + 1};
     find_poles(raster, ret_window->at_pole);
     return true;
 }
 
-/* The sum of a triangle's weights at whole numbers. */
-static double weight_sum(double position, double width)
+/* R. Keys, "Cubic convolution interpolation for digital image processing", IEEE ASSP 29 (1981),
+ * equation (15): it passes through the pixels, and is wider where texels are. */
+static double cubic(double distance, double width)
 {
-    double sum = 0.0;
-    for (double i = floor(position - width) + 1.0; i < position + width; i += 1.0)
-        sum += image_weight(i - position, width);
-    return sum;
+    double d = fabs(distance) / width;
+    return d < 1.0   ? (1.5 * d - 2.5) * d * d + 1.0
+           : d < 2.0 ? ((-0.5 * d + 2.5) * d - 4.0) * d + 2.0
+                     : 0.0;
 }
 
-/* The sum of the rows' weights: where they end at a pole, of those that there are. */
-static double rows_sum(const struct window *window, int64_t top, int64_t bottom, double y,
-                       double width)
+/* The pixels around a place on one axis, as far as they exist, and their weights, 1 in all. */
+struct taps {
+    int64_t first, last;
+    double covered; /* the share of the texel that has pixels, 0 .. 1 */
+    double weights[TAPS_MAX];
+};
+
+/* Of pixels `begin` .. `end` - 1; where these end at a pole, they are all that there are. The share
+ * is that of a triangle over the pixels: what two images that touch have adds up to 1. */
+static void place_taps(double position, double width, int64_t begin, int64_t end,
+                       const bool at_pole[2], struct taps *ret_taps)
 {
-    bool cut[2] = {y - width<(double)(window->y - 1), y + width> window->y + window->height};
-    if (!(cut[0] && window->at_pole[0]) && !(cut[1] && window->at_pole[1]))
-        return weight_sum(y, width);
-    double sum = 0.0;
-    for (int64_t row = top; row <= bottom; row++)
-        sum += image_weight((double)row - y, width);
-    return sum;
+    int64_t first = (int64_t)floor(position - 2.0 * width) + 1;
+    int64_t last = (int64_t)ceil(position + 2.0 * width) - 1;
+    double sum = 0.0, inside = 0.0, all = 0.0;
+    for (int64_t i = first; i <= last; i++) {
+        double triangle = fmax(1.0 - fabs((double)i - position) / width, 0.0);
+        bool exists = i >= begin && i < end;
+        if (exists)
+            sum += ret_taps->weights[i - (first > begin ? first : begin)] =
+                cubic((double)i - position, width);
+        inside += exists ? triangle : 0.0;
+        all += exists || !at_pole[i >= end] ? triangle : 0.0;
+    }
+    ret_taps->first = first > begin ? first : begin;
+    ret_taps->last = last < end - 1 ? last : end - 1;
+    ret_taps->covered = inside > 0.0 ? inside / all : 0.0;
+    for (int64_t i = ret_taps->first; i <= ret_taps->last; i++)
+        ret_taps->weights[i - ret_taps->first] /= sum;
 }
 
 /* Lays the mean around a position under a texel. */
 static void add_texel(const struct window *window, const struct image_light *light,
-                      struct raster_spread spread, double x, double y, struct image_sum *sum)
+                      const struct taps *x, const struct taps *y, struct image_sum *sum)
 {
-    double covered = 0.0, sums[4] = {0.0, 0.0, 0.0, 0.0};
-    int64_t first = (int64_t)floor(x - spread.x) + 1, last = (int64_t)ceil(x + spread.x) - 1;
-    int64_t top = (int64_t)floor(y - spread.y) + 1, bottom = (int64_t)ceil(y + spread.y) - 1;
-    first = first > window->x ? first : window->x;
-    last = last < window->x + window->width - 1 ? last : window->x + window->width - 1;
-    top = top > window->y ? top : window->y;
-    bottom = bottom < window->y + window->height - 1 ? bottom : window->y + window->height - 1;
-    double all = weight_sum(x, spread.x) * rows_sum(window, top, bottom, y, spread.y);
-    for (int64_t row = top; row <= bottom; row++)
-        for (int64_t col = first; col <= last; col++) {
-            const uint8_t *pixel =
-                window->rgba + 4 * ((row - window->y) * window->width + col - window->x);
-            double weight = image_weight((double)row - y, spread.y) *
-                            image_weight((double)col - x, spread.x) / all;
-            double share = weight * pixel[3] / 255.0;
-            covered += weight;
+    double sums[4] = {0.0, 0.0, 0.0, 0.0}, covered = x->covered * y->covered;
+    for (int64_t row = y->first; row <= y->last && covered > 0.0; row++) {
+        const uint8_t *pixel =
+            window->rgba + 4 * ((row - window->y) * window->width + x->first - window->x);
+        for (int64_t col = x->first; col <= x->last; col++, pixel += 4) {
+            double share = y->weights[row - y->first] * x->weights[col - x->first] * pixel[3];
             for (int band = 0; band < 3; band++)
                 sums[band] += share * (double)light->linear[pixel[band]];
             sums[3] += share;
         }
-    if (!(covered > 0.0))
+    }
+    if (!(sums[3] > 0.0))
         return;
+    /* Cubic weights overshoot at edges. */
+    double alpha = covered * fmin(sums[3] / 255.0, 1.0);
     double shows = fmin(1.0, (double)sum->open / covered);
-    for (int i = 0; i < 4; i++)
-        sum->light[i] += (float)(shows * sums[i]);
-    sum->open = (float)fmax(0.0, (double)sum->open - shows * sums[3]);
+    for (int i = 0; i < 3; i++)
+        sum->light[i] += (float)(shows * alpha * fmin(fmax(sums[i] / sums[3], 0.0), 1.0));
+    sum->light[3] += (float)(shows * alpha);
+    sum->open = (float)fmax(0.0, (double)sum->open - shows * alpha);
 }
 
 static int add_part(struct raster *raster, const struct bands *bands,
@@ -339,12 +354,17 @@ static int add_part(struct raster *raster, const struct bands *bands,
         return r < 0 ? r : add_part(raster, bands, lattice, &second, sums, diag);
     }
     int r = fill_window(raster, bands, &window, diag);
+    static const bool no_pole[2] = {false, false};
     for (int i = 0; r == 0 && i < part->rows * part->cols; i++) {
         int row = part->row + i / part->cols, col = part->col + i % part->cols;
         struct image_sum *sum = &sums[row * IMAGE_SIDE + col];
-        if (!isnan(raster->lon[i]) && sum->open > 0.0f)
-            add_texel(&window, image_light_of(bands->kind), part->spread, raster->lon[i],
-                      raster->lat[i], sum);
+        struct taps x, y;
+        if (isnan(raster->lon[i]) || !(sum->open > 0.0f))
+            continue;
+        place_taps(raster->lon[i], part->spread.x, window.x, window.x + window.width, no_pole, &x);
+        place_taps(raster->lat[i], part->spread.y, window.y, window.y + window.height,
+                   window.at_pole, &y);
+        add_texel(&window, image_light_of(bands->kind), &x, &y, sum);
     }
     free(window.rgba);
     return r;

@@ -24,10 +24,10 @@ struct image_sum {
     float open;     /* the share of the texel that still shows what lies below; 1 at first */
 };
 
-/* Lays the image under the sums of a tile's IMAGE_TEXELS. A texel is the mean, weighted by a
- * triangle that reaches to the centres of its neighbours (or, where pixels are wider, of the next
- * pixels), of the pixels around it; what lies beyond the image's edge covers nothing, so edges are
- * smooth, and images that touch close. 0, -EBADMSG, -ENOMEM. */
+/* Lays the image under the sums of a tile's IMAGE_TEXELS. A texel is bicubic between the
+ * pixels or, where it is larger than these, a mean of those around it, with the same weights made
+ * wider. What lies beyond the image's edge covers nothing, so edges are smooth, and images that
+ * touch close. 0, -EBADMSG, -ENOMEM. */
 int image_raster_add(struct raster *raster, enum image_kind kind,
                      const struct image_lattice *lattice, struct image_sum *sums,
                      struct diag *diag);

@@ -4,7 +4,6 @@
 #include "terrain/import_raster_internal.h"
 
 #define DENSITY_FACTOR_MAX 8
-#define PIXELS_A_POST_MAX  1024.0 /* more of them stand for all that lie between two posts */
 
 /* Whether an axis of the raster lies on a grid's: its first and last posts, and their distance, in
  * cells, to within a thousandth of a pixel. */
@@ -129,7 +128,7 @@ int raster_level(const struct raster_facts *facts, const struct grid *grid)
 
 static double within_limits(double pixels)
 {
-    return pixels <= 1.0 + ALIGNED_PIXELS ? 1.0 : fmin(pixels, PIXELS_A_POST_MAX);
+    return pixels <= 1.0 + ALIGNED_PIXELS ? 1.0 : fmin(pixels, RASTER_SPREAD_MAX);
 }
 
 struct raster_spread raster_spread_of(const struct raster *raster, double lat_deg, double north_deg,

@@ -37,6 +37,8 @@ struct raster_window {
     const float *pixels;
 };
 
+#define RASTER_SPREAD_MAX 1024 /* more of them stand for all that lie between two posts */
+
 /* How many pixels lie between two posts of level 0 on a row of posts, across and along; 1 where it
  * is less. The same on all levels and whichever tile asks. */
 struct raster_spread {
