@@ -355,15 +355,18 @@ static int add_part(struct raster *raster, const struct bands *bands,
     }
     int r = fill_window(raster, bands, &window, diag);
     static const bool no_pole[2] = {false, false};
+    struct taps x, y;
+    double held_y = NAN; /* where `y` is: often the same all along a row */
     for (int i = 0; r == 0 && i < part->rows * part->cols; i++) {
         int row = part->row + i / part->cols, col = part->col + i % part->cols;
         struct image_sum *sum = &sums[row * IMAGE_SIDE + col];
-        struct taps x, y;
         if (isnan(raster->lon[i]) || !(sum->open > 0.0f))
             continue;
         place_taps(raster->lon[i], part->spread.x, window.x, window.x + window.width, no_pole, &x);
-        place_taps(raster->lat[i], part->spread.y, window.y, window.y + window.height,
-                   window.at_pole, &y);
+        if (raster->lat[i] != held_y)
+            place_taps(raster->lat[i], part->spread.y, window.y, window.y + window.height,
+                       window.at_pole, &y);
+        held_y = raster->lat[i];
         add_texel(&window, image_light_of(bands->kind), &x, &y, sum);
     }
     free(window.rgba);
