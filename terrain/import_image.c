@@ -9,7 +9,7 @@
 #include "terrain/import_raster_internal.h"
 
 #define STRIP_PIXELS  (1 << 16)
-#define WINDOW_PIXELS (1 << 20) /* read at once */
+#define WINDOW_PIXELS (1 << 19) /* read at once */
 #define STRIP_ROWS    64        /* of texels, placed at once */
 #define TAPS_MAX      (4 * RASTER_SPREAD_MAX + 2)
 

@@ -18,7 +18,7 @@
 #include "terrain/import_imagery.h"
 #include "terrain/parallel.h"
 
-#define JOBS_MAX     16 /* about 20 MiB each: the memory of an import has a bound */
+#define JOBS_MAX     16 /* about 14 MiB each: the memory of an import has a bound */
 #define RASTERS_OPEN 6  /* a worker */
 #define ITEMS_ENOUGH 512
 #define DEPTH_MAX    48
