@@ -43,7 +43,7 @@ int clock_parse_utc(const char *text, nsec_t *ret_realtime_ns)
 {
     struct tm tm = {0};
     const char *end = strptime(text, "%Y-%m-%dT%H:%M:%SZ", &tm);
-    if (!end || *end != '\0')
+    if (!end || *end != '\0' || tm.tm_year < 1970 - 1900 || tm.tm_year >= 2200 - 1900)
         return -EINVAL;
     *ret_realtime_ns = (nsec_t)timegm(&tm) * NSEC_PER_SEC;
     return 0;

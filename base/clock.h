@@ -36,6 +36,6 @@ static inline nsec_t ns_from_seconds(double seconds)
     return (nsec_t)(seconds * 1e9 + (seconds < 0.0 ? -0.5 : 0.5));
 }
 
-/* Parses "YYYY-MM-DDThh:mm:ssZ" (ISO 8601, UTC only) into nanoseconds since 1970.
+/* Parses "YYYY-MM-DDThh:mm:ssZ" (ISO 8601, UTC only; 1970 to 2199) into nanoseconds since 1970.
  * Returns 0, or -EINVAL for anything else. */
 int clock_parse_utc(const char *text, nsec_t *ret_realtime_ns);

@@ -37,7 +37,7 @@ static int fill(struct document *document, struct config *config)
         .log_ctx = &backtrace,
         .log_level = CYAML_LOG_WARNING,
         .mem_fn = cyaml_mem,
-        .flags = CYAML_CFG_DEFAULT,
+        .flags = CYAML_CFG_IGNORE_UNKNOWN_KEYS, /* the check of shapes has told of them */
     };
     struct config *loaded = NULL;
     cyaml_err_t error = cyaml_load_data((const uint8_t *)document->text, document->size, &cyaml,
@@ -64,15 +64,16 @@ static int compare_errors(const void *a, const void *b)
 
 static int build(struct document *document, struct config *config)
 {
+    const struct config_errors *errors = document->errors;
     document_check_shape(document, &config_schema);
-    if (document->errors->count)
+    if (errors->count + errors->dropped > document->harmless)
         return -EBADMSG;
     int r = document_root(document) ? fill(document, config) : 0;
     if (r < 0)
         return r;
     document_apply_defaults(document, &config_schema, config);
     r = document_check_meaning(document, config);
-    return r < 0 ? r : document->errors->count ? -EBADMSG : 0;
+    return r < 0 ? r : errors->count ? -EBADMSG : 0;
 }
 
 int config_load(const char *path, struct config *ret_config, struct config_errors *errors)

@@ -62,6 +62,7 @@ struct config_terrain {
     char database[CONFIG_PATH_MAX]; /* empty: the embedded planet */
     char geoid[CONFIG_PATH_MAX];    /* "egm96", or the path of a GeographicLib PGM */
     double pixel_error;             /* pixels */
+    unsigned cache_mib;             /* of decoded tiles of the database */
     enum config_technique technique;
 };
 

@@ -8,6 +8,8 @@
 #include <string.h>
 #include <unistd.h>
 
+#define NESTING_MAX 32
+
 static void add_error(struct config_errors *errors, struct config_error error)
 {
     if (!error.text)
@@ -88,6 +90,32 @@ static void complain_syntax(struct document *document, const yaml_parser_t *pars
         document_complain_at(document, line, column, "%s", problem);
 }
 
+/* libyaml needs time that grows with the square of the nesting: look before it builds a tree.
+ * What else is wrong with the text is parse()'s to say. */
+static int check_nesting(struct document *document)
+{
+    yaml_parser_t parser;
+    yaml_event_t event;
+    int depth = 0, r = 0;
+    if (!yaml_parser_initialize(&parser))
+        return -ENOMEM;
+    yaml_parser_set_input_string(&parser, (const unsigned char *)document->text, document->size);
+    for (bool more = true; more && r == 0 && yaml_parser_parse(&parser, &event);) {
+        more = event.type != YAML_STREAM_END_EVENT;
+        depth += event.type == YAML_SEQUENCE_START_EVENT || event.type == YAML_MAPPING_START_EVENT;
+        depth -= event.type == YAML_SEQUENCE_END_EVENT || event.type == YAML_MAPPING_END_EVENT;
+        if (depth > NESTING_MAX) {
+            document_complain_at(document, (unsigned)event.start_mark.line + 1,
+                                 (unsigned)event.start_mark.column + 1, "nested more than %d deep",
+                                 NESTING_MAX);
+            r = -EBADMSG;
+        }
+        yaml_event_delete(&event);
+    }
+    yaml_parser_delete(&parser);
+    return r;
+}
+
 static int parse(struct document *document)
 {
     yaml_parser_t parser;
@@ -120,6 +148,8 @@ int document_open(struct document *document, const char *path, struct config_err
         document_complain(document, NULL, "larger than %d bytes", CONFIG_FILE_MAX);
     else if (r < 0 && r != -ENOMEM)
         document_complain(document, NULL, "cannot be read: %s", strerror(-r));
+    if (r == 0)
+        r = check_nesting(document);
     return r < 0 ? r : parse(document);
 }
 

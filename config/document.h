@@ -19,6 +19,7 @@ struct document {
     yaml_document_t yaml;
     bool loaded;                  /* yaml is to be deleted */
     struct config_errors *errors; /* borrowed */
+    size_t harmless; /* of the errors: unknown keys and limits, which do not hinder loading */
 };
 
 /* Reads and parses; a syntax error or a second document is reported. `path` and `errors` must

@@ -26,6 +26,7 @@ static const struct config_key keys[] = {
     {"terrain.geoid", "egm96"},
     {"terrain.pixel_error", "1.0", 0.1, 100, "pixels"},
     {"terrain.technique", "clipmap"},
+    {"terrain.cache_mib", "256", 16, 65536, "MiB"},
     {"environment.visibility_m", "40000", 10, 655350, "m"},
     {"environment.time_utc", ""},
     {"environment.atmosphere", "true"},

@@ -118,6 +118,7 @@ static void check_pair(struct document *document, const cyaml_schema_field_t *fi
     document_get(document, mapping, name, &first);
     const cyaml_schema_field_t *field = find_field(fields, name);
     const char *near = nearest_key(fields, name);
+    document->harmless += !field;
     if (!field && near)
         document_complain(document, key, "unknown key '%s'; did you mean '%s'?", below.shown, near);
     else if (!field)
@@ -195,6 +196,7 @@ static void check_limits(struct document *document, yaml_node_t *node, const str
     const struct config_key *key = config_key_find(place->key);
     if (!key || (key->min == 0 && key->max == 0) || (value >= key->min && value <= key->max))
         return;
+    document->harmless += value >= 0 && value <= UINT32_MAX; /* libcyaml can hold it */
     document_complain(document, node, "%s is %s; it must lie between %.12g and %.12g%s%s",
                       place->shown, (const char *)node->data.scalar.value, key->min, key->max,
                       key->unit ? " " : "", key->unit ? key->unit : "");

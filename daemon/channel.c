@@ -25,7 +25,8 @@ static int create_renderer(struct channel *channel, const struct channel_params 
                            struct diag *diag)
 {
     struct terrain_setup terrain;
-    int r = terrain_setup_open(params->terrain_path, params->geoid, &terrain, diag);
+    int r =
+        terrain_setup_open(params->terrain_path, params->geoid, params->cache_mib, &terrain, diag);
     if (r < 0)
         return r;
     struct terrain_facts facts;
@@ -82,13 +83,13 @@ void channel_destroy(struct channel *channel)
 
 /* Lets the loader work on the next frame's terrain: while the GPU draws this one, or, where the
  * rasteriser itself needs the cores, once this one is drawn. */
-static void expect(struct channel *channel, const struct pose *next)
+static void expect(struct channel *channel, const struct pose *next, bool complete)
 {
     struct view ahead;
     if (!next)
         return;
     view_from_pose(next, &channel->geometry, &ahead);
-    renderer_wish(channel->renderer, &ahead.eye);
+    renderer_wish(channel->renderer, &ahead.eye, complete);
 }
 
 void channel_draw(struct channel *channel, const struct pose *pose, const struct pose *next,
@@ -96,7 +97,7 @@ void channel_draw(struct channel *channel, const struct pose *pose, const struct
 {
     struct view view;
     view_from_pose(pose, &channel->geometry, &view);
-    renderer_wish(channel->renderer, &view.eye);
+    renderer_wish(channel->renderer, &view.eye, complete);
     if (complete)
         renderer_wait(channel->renderer);
     nsec_t start_ns = clock_monotonic_ns(), start_cpu_ns = clock_thread_cpu_ns();
@@ -105,7 +106,7 @@ void channel_draw(struct channel *channel, const struct pose *pose, const struct
     sun_direction_enu(utc_ns, view.eye.lat_deg, view.eye.lon_deg, view.sun_enu);
     renderer_draw(channel->renderer, &view);
     if (!channel->gl.software)
-        expect(channel, next);
+        expect(channel, next, complete);
     if (channel->window)
         window_show(channel->window, renderer_framebuffer(channel->renderer));
     renderer_finish(channel->renderer, &ret_frame->renderer);
@@ -114,7 +115,7 @@ void channel_draw(struct channel *channel, const struct pose *pose, const struct
     ret_frame->cpu_ms = milliseconds_from_ns(clock_thread_cpu_ns() - start_cpu_ns);
     ret_frame->view = view;
     if (channel->gl.software)
-        expect(channel, next);
+        expect(channel, next, complete);
 }
 
 void channel_set_visibility(struct channel *channel, double visibility_m)

@@ -15,6 +15,7 @@ struct channel_params {
     const char *geoid;        /* "egm96", "none", or a PGM file of GeographicLib's form */
     const char *technique;    /* "clipmap" */
     double pixel_error;
+    unsigned cache_mib; /* of decoded tiles of the database */
     double visibility_m;
     struct window *window; /* shows the frames too; NULL = headless */
 };

@@ -23,17 +23,8 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
     case 'q':
         options->quiet = true;
         return 0;
-    case ARGP_KEY_ARG:
-        if (options->path)
-            argp_error(state, "one FILE at a time");
-        options->path = argument;
-        return 0;
-    case ARGP_KEY_END:
-        if (!options->path)
-            argp_error(state, "FILE is missing");
-        return 0;
     default:
-        return ARGP_ERR_UNKNOWN;
+        return cli_argument(key, argument, state, "FILE", &options->path);
     }
 }
 

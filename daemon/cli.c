@@ -70,6 +70,22 @@ void cli_size(struct argp_state *state, const char *text, int *ret_width, int *r
     *ret_height = height;
 }
 
+error_t cli_argument(int key, char *argument, struct argp_state *state, const char *name,
+                     const char **ret_argument)
+{
+    if (key == ARGP_KEY_ARG && !name)
+        argp_error(state, "unexpected argument \"%s\"", argument);
+    else if (key == ARGP_KEY_ARG && *ret_argument)
+        argp_error(state, "one %s at a time", name);
+    else if (key == ARGP_KEY_ARG)
+        *ret_argument = argument;
+    else if (key == ARGP_KEY_END && name && !*ret_argument)
+        argp_error(state, "%s is missing", name);
+    else if (key != ARGP_KEY_END)
+        return ARGP_ERR_UNKNOWN;
+    return 0;
+}
+
 void cli_parse(const struct argp *parser, const char *name, int argc, char **argv, void *input)
 {
     static char shown[64];

@@ -19,5 +19,10 @@ double cli_number(struct argp_state *state, const char *option, const char *text
 /* "1024x576". */
 void cli_size(struct argp_state *state, const char *text, int *ret_width, int *ret_height);
 
+/* The end of an argp parser: takes the one argument that the subcommand has, called `name` in
+ * sentences; NULL: it has none. Returns 0, or ARGP_ERR_UNKNOWN for any other key. */
+error_t cli_argument(int key, char *argument, struct argp_state *state, const char *name,
+                     const char **ret_argument);
+
 /* Runs argp over a subcommand: argv[0] is "otwd NAME" in usage lines. */
 void cli_parse(const struct argp *parser, const char *name, int argc, char **argv, void *input);

@@ -20,6 +20,7 @@ void config_to_channel(const struct config *config, struct channel_params *ret_p
         .geoid = config->terrain.geoid,
         .technique = config_technique_name(config->terrain.technique),
         .pixel_error = config->terrain.pixel_error,
+        .cache_mib = config->terrain.cache_mib,
         .visibility_m = config->environment.visibility_m,
         .window = window,
     };

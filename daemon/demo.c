@@ -50,11 +50,8 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
     case OPT_NO_VIDEO:
         options->video = false;
         return 0;
-    case ARGP_KEY_ARG:
-        argp_error(state, "unexpected argument \"%s\"", argument);
-        return 0;
     default:
-        return ARGP_ERR_UNKNOWN;
+        return cli_argument(key, argument, state, NULL, NULL);
     }
 }
 

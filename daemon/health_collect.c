@@ -95,13 +95,9 @@ void health_collect_fill(struct health_collect *collect, struct health *health)
     health->deadlines_met = !health_collect_any_late(collect);
     health->frame_rate_hz = frame_rate_hz(collect);
     fill_times(collect, health);
-    /* The loader answers wishes, one at a time: at most one is pending. */
     health->terrain_complete = complete;
-    health->tiles_pending = newest->frame > 0 && !newest->complete;
-    /* A cache of the least recently used is full once it has loaded as many as it holds. */
-    health->tiles_resident = newest->tiles_loaded < DATABASE_CACHE_TILES
-                                 ? (unsigned)newest->tiles_loaded
-                                 : DATABASE_CACHE_TILES;
+    health->tiles_pending = newest->tiles_pending;
+    health->tiles_resident = newest->tiles_resident;
     health->terrain_read_errors = newest->terrain_errors;
     health->gpu_mib = (unsigned)newest->gpu_mib;
     health->position = newest->position;

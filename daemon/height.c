@@ -12,6 +12,7 @@
 #include "daemon/terrain_setup.h"
 #include "geo/geographic.h"
 #include "terrain/database.h"
+#include "terrain/query.h"
 
 #define ARGUMENTS_MAX 16
 
@@ -70,23 +71,24 @@ static const struct argp parser = {
         "\vExit status: 0 answered, 64 bad usage, 65 a bad database or line, 66 no such file.",
 };
 
-static int answer(struct terrain_source *source, struct geoid *geoid,
-                  const struct height_options *options, double lat_deg, double lon_deg)
+static int answer(struct query *query, struct geoid *geoid, const struct height_options *options,
+                  double lat_deg, double lon_deg)
 {
-    double height_m, normal[3];
-    int r = database_source_height(source, lat_deg, lon_deg, &height_m,
-                                   options->normal ? normal : NULL);
+    struct query_answer answer;
+    int r = query_height(query, lat_deg, lon_deg, options->normal ? QUERY_NORMAL : 0, &answer);
     if (r < 0)
         return r;
     if (geoid)
-        height_m += geoid_undulation_m(geoid, lat_deg, longitude_normalised_deg(lon_deg));
-    if (isnan(height_m))
+        answer.height_m += geoid_undulation_m(geoid, lat_deg, longitude_normalised_deg(lon_deg));
+    if (isnan(answer.height_m))
         fputs("nan", stdout);
     else
-        printf("%.3f", height_m);
+        printf("%.3f", answer.height_m);
     if (options->normal)
-        printf(" %.6f %.6f %.6f", normal[0], normal[1], normal[2]);
+        printf(" %.6f %.6f %.6f", (double)answer.normal_enu[0], (double)answer.normal_enu[1],
+               (double)answer.normal_enu[2]);
     putchar('\n');
+    fflush(stdout); /* whoever asks through a pipe waits for this line */
     return 0;
 }
 
@@ -98,7 +100,7 @@ static bool parse_place(const char *text, double *ret_lat_deg, double *ret_lon_d
            fabs(*ret_lat_deg) <= 90.0 && fabs(*ret_lon_deg) <= 360.0;
 }
 
-static int answer_lines(struct terrain_source *source, struct geoid *geoid,
+static int answer_lines(struct query *query, struct geoid *geoid,
                         const struct height_options *options, struct diag *diag)
 {
     char line[256];
@@ -108,7 +110,7 @@ static int answer_lines(struct terrain_source *source, struct geoid *geoid,
             return diag_set(diag, -EBADMSG,
                             "standard input:%lu: expected latitude and longitude in degrees",
                             number);
-        int r = answer(source, geoid, options, lat_deg, lon_deg);
+        int r = answer(query, geoid, options, lat_deg, lon_deg);
         if (r < 0)
             return diag_set(diag, r, "%s: cannot read the terrain", options->database);
     }
@@ -145,8 +147,11 @@ int height_main(int argc, char **argv)
     cli_parse(&parser, "height", argc, argv, &options);
     struct diag diag = {0};
     struct terrain_source *source = NULL;
+    struct query *query = NULL;
     struct geoid *geoid = NULL;
     int r = database_source_open(options.database, 256, &source, &diag);
+    if (r == 0)
+        r = query_create(&(struct query_params){.database = source}, &query);
     if (r == 0 && options.ellipsoid)
         r = geoid_setup_open("egm96", &geoid, &diag);
     if (r == 0 && options.lat) {
@@ -154,13 +159,14 @@ int height_main(int argc, char **argv)
         double lat_deg, lon_deg;
         snprintf(place, sizeof(place), "%s %s", options.lat, options.lon);
         r = parse_place(place, &lat_deg, &lon_deg)
-                ? answer(source, geoid, &options, lat_deg, lon_deg)
+                ? answer(query, geoid, &options, lat_deg, lon_deg)
                 : diag_set(&diag, -EINVAL,
                            "\"%s\" is no place: latitude -90 to 90, longitude -360 to 360", place);
     } else if (r == 0) {
-        r = answer_lines(source, geoid, &options, &diag);
+        r = answer_lines(query, geoid, &options, &diag);
     }
     geoid_close(geoid);
+    query_destroy(query);
     terrain_source_destroy(source);
     return r < 0 ? cli_fail(r, &diag) : EX_OK;
 }

@@ -98,7 +98,8 @@ static void fill_sample(struct frame_loop *loop, const struct channel_frame *fra
     sample->attitude = loop->shown.attitude;
     sample->height_above_terrain_m = frame->renderer.height_above_terrain_m;
     sample->complete = frame->renderer.complete;
-    sample->tiles_loaded = counts.tiles_loaded;
+    sample->tiles_resident = (unsigned)counts.tiles_resident;
+    sample->tiles_pending = (unsigned)counts.tiles_pending;
     sample->terrain_errors = counts.read_errors;
     if (sample->frame % loop->gpu_memory_every == 1)
         sample->gpu_mib = gl_memory_used_mib(channel_gl(loop->channel));

@@ -34,7 +34,8 @@ struct frame_sample {
     double height_above_terrain_m;
     bool late;     /* it was not finished by its own deadline */
     bool complete; /* the terrain was all there */
-    uint64_t tiles_loaded, terrain_errors;
+    unsigned tiles_resident, tiles_pending;
+    uint64_t terrain_errors;
     int gpu_mib; /* 0 = unknown */
 };
 

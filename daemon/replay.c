@@ -39,8 +39,12 @@ static void show_progress(const struct replay_params *params, uint64_t frame, ui
 }
 
 static void record_frame(struct report *report, const struct replay_params *params, double time_s,
-                         const struct channel_frame *frame)
+                         struct channel *channel, const struct channel_frame *frame)
 {
+    struct loader_counts counts;
+    renderer_loader_counts(channel_renderer(channel), &counts);
+    if (counts.tiles_pending > report->pending_max)
+        report->pending_max = counts.tiles_pending;
     report_add(report, &(struct report_frame){
                            .time_s = time_s,
                            .frame_ms = (float)frame->frame_ms,
@@ -88,7 +92,7 @@ static void fly_frames(const struct flight *flight, const struct replay_params *
         flight_sample(flight, time_ns, &pose);
         flight_sample(flight, flight_time_ns(params, i + 1), &next);
         channel_draw(channel, &pose, &next, utc_ns + time_ns, params->speed <= 0.0, &frame);
-        record_frame(report, params, seconds_from_ns(time_ns), &frame);
+        record_frame(report, params, seconds_from_ns(time_ns), channel, &frame);
         if (output) {
             frame_output_take(output, channel_renderer(channel), i, &frame.view);
             if (frame_output_error(output) < 0)
@@ -186,6 +190,7 @@ struct replay_params replay_defaults(void)
                     .geoid = "egm96",
                     .technique = "clipmap",
                     .pixel_error = 1.0,
+                    .cache_mib = 256,
                     .visibility_m = 40000.0},
         .output = {.every = 1},
         .rate_hz = 60.0,

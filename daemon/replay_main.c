@@ -144,17 +144,8 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
     case OPT_JSON:
         options->json = true;
         return 0;
-    case ARGP_KEY_ARG:
-        if (options->flight)
-            argp_error(state, "one FLIGHT at a time");
-        options->flight = argument;
-        return 0;
-    case ARGP_KEY_END:
-        if (!options->flight)
-            argp_error(state, "FLIGHT is missing");
-        return 0;
     default:
-        return ARGP_ERR_UNKNOWN;
+        return cli_argument(key, argument, state, "FLIGHT", &options->flight);
     }
 }
 

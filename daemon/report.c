@@ -126,6 +126,17 @@ static long resident_peak_mib(void)
     return usage.ru_maxrss / 1024;
 }
 
+/* How many incomplete frames came one after the other, at most. */
+static uint64_t longest_incomplete(const struct report *report)
+{
+    uint64_t longest = 0, run = 0;
+    for (size_t i = 0; i < report->count; i++) {
+        run = report->frames[i].complete ? 0 : run + 1;
+        longest = run > longest ? run : longest;
+    }
+    return longest;
+}
+
 json_t *report_json(const struct report *report, const struct report_facts *facts)
 {
     uint64_t incomplete = 0, missed = 0;
@@ -158,11 +169,17 @@ json_t *report_json(const struct report *report, const struct report_facts *fact
                   "rejected", (json_int_t)report->poses.rejected, "lost",
                   (json_int_t)report->poses.lost, "reordered", (json_int_t)report->poses.reordered,
                   "age_ms", json_pair(report, pose_age_ms, "p99")));
-    json_object_set_new(root, "terrain",
-                        json_pack("{s:I,s:I,s:I}", "tiles_loaded",
-                                  (json_int_t)facts->loader.tiles_loaded, "pending_max",
-                                  (json_int_t)report->pending_max, "frames_incomplete",
-                                  (json_int_t)incomplete));
+    const struct loader_counts *loader = &facts->loader;
+    uint64_t asked = loader->tile_hits + loader->tile_misses;
+    json_object_set_new(
+        root, "terrain",
+        json_pack("{s:I,s:I,s:I,s:I,s:o,s:I,s:o}", "tiles_loaded", (json_int_t)loader->tiles_loaded,
+                  "pending_max", (json_int_t)report->pending_max, "frames_incomplete",
+                  (json_int_t)incomplete, "frames_incomplete_longest",
+                  (json_int_t)longest_incomplete(report), "hit_rate",
+                  json_measure(asked ? (double)loader->tile_hits / (double)asked : NAN),
+                  "tiles_prefetched", (json_int_t)loader->prefetched, "tile_late_ms_max",
+                  json_measure(loader->longest_late_ms)));
     return root;
 }
 

@@ -28,7 +28,7 @@ struct report {
     struct report_frame *frames; /* owned */
     size_t count, capacity;
     struct report_poses poses;
-    uint64_t pending_max; /* updates that the terrain loader owed, at worst */
+    uint64_t pending_max; /* tiles that were missing at once, at worst */
 };
 
 /* Room for `capacity` frames; later ones are not kept. */

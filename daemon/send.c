@@ -80,17 +80,12 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
     case OPT_SEED:
         params->seed = (uint64_t)cli_number(state, "seed", argument, 0.0, 1e15);
         return 0;
-    case ARGP_KEY_ARG:
-        if (options->flight)
-            argp_error(state, "one FLIGHT at a time");
-        options->flight = argument;
-        return 0;
-    case ARGP_KEY_END:
-        if (!options->flight || !options->url)
-            argp_error(state, options->flight ? "--to URL is missing" : "FLIGHT is missing");
+    case ARGP_KEY_SUCCESS:
+        if (!options->url)
+            argp_error(state, "--to URL is missing");
         return 0;
     default:
-        return ARGP_ERR_UNKNOWN;
+        return cli_argument(key, argument, state, "FLIGHT", &options->flight);
     }
 }
 

@@ -129,11 +129,11 @@ static int choose_terrain(struct service *service, struct channel_params *channe
 {
     struct terrain_setup terrain;
     struct diag why;
-    int r = terrain_setup_open(channel->terrain_path, "none", &terrain, &why);
+    int r = terrain_setup_open(channel->terrain_path, "none", channel->cache_mib, &terrain, &why);
     if (r < 0 && channel->terrain_path[0]) {
         service_set_fault(service, FAULT_TERRAIN_MISSING, true, why.text);
         channel->terrain_path = "";
-        r = terrain_setup_open("", "none", &terrain, &why);
+        r = terrain_setup_open("", "none", channel->cache_mib, &terrain, &why);
     }
     if (r < 0)
         return diag_set(diag, r, "%s", why.text);

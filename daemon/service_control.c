@@ -6,6 +6,7 @@
 #include <string.h>
 #include <sys/epoll.h>
 
+#include "daemon/inherited.h"
 #include "daemon/version.h"
 
 #define MODBUS_RETRY_NS (5 * NSEC_PER_SEC)
@@ -84,6 +85,14 @@ static void on_control(void *context, const struct modbus_control *control)
     health_publish(service, clock_monotonic_ns());
 }
 
+static void on_evicted(void *context, const union address *client, nsec_t idle_ns)
+{
+    char text[ADDRESS_TEXT_MAX];
+    address_format(client, text);
+    log_notice("Modbus client %s, silent for %.0f s, gave way to another", text,
+               seconds_from_ns(idle_ns));
+}
+
 static int on_modbus(sd_event_source *event, int fd, uint32_t revents, void *data)
 {
     struct service *service = data;
@@ -109,8 +118,12 @@ static int open_modbus(struct service *service, struct diag *diag)
         .version = OTWD_VERSION,
         .channel = service->config.channel.name,
         .control = config->allow_control ? on_control : NULL,
+        .evicted = on_evicted,
         .context = service,
     };
+    int inherited = inherited_socket("modbus");
+    if (inherited >= 0)
+        params.listen_fd = inherited;
     int r = modbus_server_open(&params, &service->modbus, diag);
     if (r < 0)
         return r;
@@ -133,8 +146,13 @@ void service_modbus_tick(struct service *service, nsec_t now_ns)
     service->modbus_retry_ns = now_ns + MODBUS_RETRY_NS;
     snprintf(sentence, sizeof(sentence), "Modbus cannot listen at %s", diag.text);
     service_set_fault(service, FAULT_MODBUS_FAILED, r < 0, sentence);
-    if (r == 0)
-        log_info("Modbus listens at %s", service->config.health.modbus.listen);
+    if (r == 0) {
+        union address address;
+        char text[ADDRESS_TEXT_MAX];
+        modbus_server_address(service->modbus, &address);
+        address_format(&address, text);
+        log_info("Modbus listens at %s", text);
+    }
 }
 
 void service_modbus_close(struct service *service)
@@ -180,8 +198,6 @@ static void tell_what_waits(const struct config *now, const struct config *next)
         {"display", memcmp(&now->display, &next->display, sizeof(now->display)) != 0},
         {"terrain", memcmp(&now->terrain, &next->terrain, sizeof(now->terrain)) != 0},
         {"environment.atmosphere", now->environment.atmosphere != next->environment.atmosphere},
-        {"sources", !same_sources(now, next)},
-        {"health", memcmp(&now->health, &next->health, sizeof(now->health)) != 0},
         {"record", memcmp(&now->record, &next->record, sizeof(now->record)) != 0},
     };
     char names[128] = "";
@@ -191,6 +207,31 @@ static void tell_what_waits(const struct config *now, const struct config *next)
                      names[0] ? ", " : "", sections[i].name);
     if (names[0])
         log_warning("changes to %s need a restart", names);
+}
+
+/* `next` is left with the old ones. */
+static void take_sources(struct service *service, struct config *next)
+{
+    struct config *now = &service->config;
+    const struct config old = *now;
+    if (same_sources(now, next))
+        return;
+    sources_close(service);
+    now->sources = next->sources;
+    now->sources_count = next->sources_count;
+    next->sources = old.sources;
+    next->sources_count = old.sources_count;
+    sources_init(service);
+}
+
+static void take_health(struct service *service, const struct config *next)
+{
+    if (memcmp(&service->config.health, &next->health, sizeof(next->health)) == 0)
+        return;
+    service_modbus_close(service);
+    service->config.health = next->health;
+    service->modbus_retry_ns = 0;
+    service_set_fault(service, FAULT_MODBUS_FAILED, false, "");
 }
 
 void service_reload(struct service *service)
@@ -206,6 +247,8 @@ void service_reload(struct service *service)
         return;
     }
     tell_what_waits(&service->config, &next);
+    take_sources(service, &next);
+    take_health(service, &next);
     service->config.pose = next.pose;
     service->config.environment = next.environment;
     service->input.policy = config_pose_policy(&next);
@@ -215,7 +258,7 @@ void service_reload(struct service *service)
         service->input.utc_offset_ns = next.environment.time_utc_ns - clock_monotonic_ns();
     service->generation++;
     service_publish(service);
-    log_notice("configuration %u: pose and environment are those of %s", service->generation,
-               service->config_path ? service->config_path : "(the defaults)");
+    log_notice("configuration %u: pose, environment, sources and health are those of %s",
+               service->generation, service->config_path ? service->config_path : "(the defaults)");
     config_finish(&next);
 }

@@ -24,15 +24,21 @@ struct source_slot {
     struct pose_source *source; /* NULL while it cannot be opened */
     sd_event_source *event;
     nsec_t retry_ns;
-    nsec_t failed_ns,
-        refused_ns;    /* when it last could not be read, or refused a packet; 0 = never */
+    /* When it last could not be read, refused a packet, or lost one to a full queue; 0 = never. */
+    nsec_t failed_ns, refused_ns, overrun_ns;
     uint64_t refused;  /* packets, late ones not counted, that were seen */
+    uint64_t overrun;  /* packets lost to a full queue that were seen */
     bool failed, lost; /* as logged */
 };
 
 /* Values of the counters that the operator reset. */
 struct counter_base {
     uint64_t frames, missed, accepted, rejected, lost, can_frames, terrain_errors, recorded;
+};
+
+/* What sources that a new configuration closed had counted. */
+struct source_totals {
+    uint64_t accepted, rejected, lost, can_frames;
 };
 
 struct service {
@@ -45,6 +51,7 @@ struct service {
 
     struct source_slot slots[ARBITER_SOURCES_MAX];
     unsigned slot_count;
+    struct source_totals closed;
     struct arbiter arbiter;
     int driving; /* whose pose was published last */
     bool has_pose;

@@ -86,6 +86,18 @@ static void on_trouble(void *context, struct pose_source *source, const char *se
         slot->failed_ns = clock_monotonic_ns();
 }
 
+static void note_overrun(struct source_slot *slot, nsec_t now_ns)
+{
+    uint64_t overrun = pose_source_kernel_drops(slot->source);
+    if (overrun == slot->overrun)
+        return;
+    log_fault(FAULT_SOURCE_OVERRUN, slot->config->name,
+              "source %s: %llu packets lost: its receive queue was full", slot->config->name,
+              (unsigned long long)(overrun - slot->overrun));
+    slot->overrun = overrun;
+    slot->overrun_ns = now_ns;
+}
+
 static int on_readable(sd_event_source *event, int fd, uint32_t revents, void *data)
 {
     struct source_slot *slot = data;
@@ -97,6 +109,7 @@ static int on_readable(sd_event_source *event, int fd, uint32_t revents, void *d
     if (refused > slot->refused)
         slot->refused_ns = now_ns;
     slot->refused = refused;
+    note_overrun(slot, now_ns);
     return 0;
 }
 
@@ -194,19 +207,21 @@ static void set(struct service *service, enum fault_code code, bool active)
 /* The faults of all sources together; each source's own were logged with its name. */
 static void set_faults(struct service *service, nsec_t now_ns)
 {
-    bool failed = false, lost = false, refused = false;
+    bool failed = false, lost = false, refused = false, overrun = false;
     enum can_state worst = CAN_STATE_NONE;
     for (unsigned i = 0; i < service->slot_count; i++) {
         const struct source_slot *slot = &service->slots[i];
         failed |= slot->failed;
         lost |= slot->lost;
         refused |= slot->refused_ns && now_ns - slot->refused_ns < HOLD_NS;
+        overrun |= slot->overrun_ns && now_ns - slot->overrun_ns < HOLD_NS;
         if (slot->source && pose_source_can_state(slot->source) > worst)
             worst = pose_source_can_state(slot->source);
     }
     set(service, FAULT_SOURCE_FAILED, failed);
     set(service, FAULT_SOURCE_LOST, lost);
     set(service, FAULT_POSE_REJECTED, refused);
+    set(service, FAULT_SOURCE_OVERRUN, overrun);
     service_set_fault(service, FAULT_CAN_DEGRADED,
                       worst == CAN_STATE_WARNING || worst == CAN_STATE_PASSIVE,
                       "a CAN controller counts errors");
@@ -260,9 +275,24 @@ void sources_tick(struct service *service, nsec_t now_ns)
     set_faults(service, now_ns);
 }
 
+static void add_counters(const struct source_slot *slot, struct source_totals *totals)
+{
+    if (!slot->source)
+        return;
+    const struct intake_counters *counters = pose_source_counters(slot->source);
+    totals->accepted += counters->accepted;
+    totals->rejected += intake_rejected_total(counters);
+    /* A packet lost to a full queue may have left a gap, too: it is counted once. */
+    uint64_t drops = pose_source_kernel_drops(slot->source);
+    totals->lost += counters->lost > drops ? counters->lost : drops;
+    if (slot->config->type == CONFIG_SOURCE_CANAEROSPACE)
+        totals->can_frames += counters->received;
+}
+
 void sources_close(struct service *service)
 {
     for (unsigned i = 0; i < service->slot_count; i++) {
+        add_counters(&service->slots[i], &service->closed);
         sd_event_source_disable_unref(service->slots[i].event);
         pose_source_close(service->slots[i].source);
         service->slots[i].source = NULL;
@@ -272,7 +302,7 @@ void sources_close(struct service *service)
 void sources_fill(const struct service *service, nsec_t now_ns, struct health *health)
 {
     bool can_good = true;
-    health->pose_accepted = health->pose_rejected = health->pose_lost = health->can_frames = 0;
+    struct source_totals totals = service->closed;
     health->can_state = HEALTH_CAN_NONE;
     for (unsigned i = 0; i < service->slot_count; i++) {
         const struct source_slot *slot = &service->slots[i];
@@ -281,14 +311,12 @@ void sources_fill(const struct service *service, nsec_t now_ns, struct health *h
         can_good &= !can || state == CAN_STATE_ACTIVE;
         if ((unsigned)state > health->can_state)
             health->can_state = (enum health_can)state; /* the same numbers: register 23 */
-        if (!slot->source)
-            continue;
-        const struct intake_counters *counters = pose_source_counters(slot->source);
-        health->pose_accepted += counters->accepted;
-        health->pose_rejected += intake_rejected_total(counters);
-        health->pose_lost += counters->lost;
-        health->can_frames += can ? counters->received : 0;
+        add_counters(slot, &totals);
     }
+    health->pose_accepted = totals.accepted;
+    health->pose_rejected = totals.rejected;
+    health->pose_lost = totals.lost;
+    health->can_frames = totals.can_frames;
     health->can_good = can_good;
     health->active_source = (unsigned)(service->arbiter.active + 1);
     health->pose_valid = service->arbiter.active != ARBITER_NONE;

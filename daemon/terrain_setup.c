@@ -6,6 +6,7 @@
 #include "geo/geographic.h"
 #include "terrain/database.h"
 #include "terrain/planet.h"
+#include "terrain/tile_cache.h"
 
 int geoid_setup_open(const char *name, struct geoid **ret_geoid, struct diag *diag)
 {
@@ -18,13 +19,14 @@ int geoid_setup_open(const char *name, struct geoid **ret_geoid, struct diag *di
     return egm96_open(ret_geoid, diag);
 }
 
-int terrain_setup_open(const char *terrain_path, const char *geoid, struct terrain_setup *ret_setup,
-                       struct diag *diag)
+int terrain_setup_open(const char *terrain_path, const char *geoid, unsigned cache_mib,
+                       struct terrain_setup *ret_setup, struct diag *diag)
 {
+    size_t cache_tiles = ((size_t)cache_mib << 20) / TILE_CACHE_BYTES_PER_TILE;
     struct terrain_setup setup = {0};
     int r = geoid_setup_open(geoid, &setup.geoid, diag);
     if (r == 0 && terrain_path[0] != '\0') {
-        r = database_source_open(terrain_path, DATABASE_CACHE_TILES, &setup.source, diag);
+        r = database_source_open(terrain_path, (unsigned)cache_tiles, &setup.source, diag);
         if (r == 0)
             r = planet_open(&setup.fallback, diag);
     } else if (r == 0) {

@@ -4,8 +4,6 @@
 #include "base/diag.h"
 #include "terrain/source.h"
 
-#define DATABASE_CACHE_TILES 2048 /* 129 x 129 floats each: 136 MB at most */
-
 struct geoid;
 
 struct terrain_setup {
@@ -14,9 +12,10 @@ struct terrain_setup {
     struct geoid *geoid;             /* NULL for "none" */
 };
 
-/* The caller owns what it gets. A missing geoid is -ENOENT with a sentence. */
-int terrain_setup_open(const char *terrain_path, const char *geoid, struct terrain_setup *ret_setup,
-                       struct diag *diag);
+/* The caller owns what it gets. A missing geoid is -ENOENT with a sentence. `cache_mib`
+ * bounds the decoded tiles of a database. */
+int terrain_setup_open(const char *terrain_path, const char *geoid, unsigned cache_mib,
+                       struct terrain_setup *ret_setup, struct diag *diag);
 void terrain_setup_close(struct terrain_setup *setup);
 
 /* "egm96", "none" or a file: the geoid alone. */

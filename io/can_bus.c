@@ -5,7 +5,7 @@
 #include <string.h>
 
 #define RETRY_FIRST_NS (100 * NSEC_PER_MSEC)
-#define RETRY_LAST_NS  (5 * NSEC_PER_SEC)
+#define RETRY_LAST_NS  NSEC_PER_SEC
 
 static const struct {
     const char *scheme;

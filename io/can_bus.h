@@ -54,7 +54,8 @@ struct can_bus {
     uint32_t ids[CAN_BUS_IDS_MAX];
     size_t id_count;
     enum can_state state;
-    uint64_t frames_received, frames_dropped, error_frames;
+    uint64_t frames_received, error_frames;
+    uint64_t frames_dropped; /* by our queue in the kernel, or by the controller */
     nsec_t retry_at_ns, retry_pause_ns;
 };
 

@@ -101,15 +101,12 @@ static bool wanted(const struct can_bus *bus, const struct can_frame *frame)
     return false;
 }
 
-/* To every member but `from`. Returns how many could not take it. */
-static unsigned forward(struct can_sim *self, const struct can_frame *frame, unsigned from)
+/* To every member but `from`. One that cannot take it has lost it. */
+static void forward(struct can_sim *self, const struct can_frame *frame, unsigned from)
 {
-    unsigned missed = 0;
     for (unsigned i = 0; i < MEMBERS_MAX; i++)
         if (i != from && self->members[i] >= 0)
-            missed +=
-                send(self->members[i], frame, sizeof(*frame), MSG_DONTWAIT | MSG_NOSIGNAL) < 0;
-    return missed;
+            send(self->members[i], frame, sizeof(*frame), MSG_DONTWAIT | MSG_NOSIGNAL);
 }
 
 /* 1 with a frame, 0 where none waits, -EPIPE where the peer is gone, -EMSGSIZE: no frame. */
@@ -139,7 +136,7 @@ static int hub_receive(struct can_sim *self, struct can_frame *ret_frame)
             continue;
         int r = read_frame(self->members[i], ret_frame);
         if (r > 0) {
-            self->bus.frames_dropped += forward(self, ret_frame, i);
+            forward(self, ret_frame, i);
             self->next = (i + 1) % MEMBERS_MAX;
             return 1;
         }
@@ -172,7 +169,7 @@ static int sim_send(struct can_bus *bus, const struct can_frame *frame)
     struct can_sim *self = (struct can_sim *)bus;
     if (self->listener >= 0) {
         accept_members(self);
-        bus->frames_dropped += forward(self, frame, MEMBERS_MAX);
+        forward(self, frame, MEMBERS_MAX);
         return 0;
     }
     ssize_t n = send(bus->fd, frame, sizeof(*frame), MSG_DONTWAIT | MSG_NOSIGNAL);

@@ -8,9 +8,12 @@
 #include <net/if.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include "io/stamp.h"
+
+#define RECEIVE_BUFFER_BYTES (1 << 20)
 
 struct can_socket {
     struct can_bus bus;
@@ -34,6 +37,14 @@ static int set_filters(struct can_bus *bus)
     return 0;
 }
 
+/* A socket may be bound to an interface that is down; it would hear nothing and give one error. */
+static bool is_up(const struct can_bus *bus)
+{
+    struct ifreq request = {0};
+    memcpy(request.ifr_name, bus->name, IFNAMSIZ - 1);
+    return ioctl(bus->fd, SIOCGIFFLAGS, &request) == 0 && request.ifr_flags & IFF_UP;
+}
+
 static int socket_connect(struct can_bus *bus, struct diag *diag)
 {
     bus->fd = socket(PF_CAN, SOCK_RAW | SOCK_CLOEXEC | SOCK_NONBLOCK, CAN_RAW);
@@ -44,6 +55,8 @@ static int socket_connect(struct can_bus *bus, struct diag *diag)
     unsigned index = if_nametoindex(bus->name);
     if (index == 0)
         return diag_set(diag, -ENODEV, "can:%s: there is no such interface", bus->name);
+    int bytes = RECEIVE_BUFFER_BYTES;
+    setsockopt(bus->fd, SOL_SOCKET, SO_RCVBUF, &bytes, sizeof(bytes));
     stamp_enable(bus->fd);
     int r = set_filters(bus);
     if (r < 0)
@@ -52,6 +65,8 @@ static int socket_connect(struct can_bus *bus, struct diag *diag)
     if (bind(bus->fd, (struct sockaddr *)&address, sizeof(address)) < 0)
         return diag_set(diag, -errno, "can:%s: %s", bus->name,
                         errno == ENODEV ? "it is not a CAN interface" : strerror(errno));
+    if (!is_up(bus))
+        return diag_set(diag, -ENETDOWN, "can:%s: the interface is down", bus->name);
     return 0;
 }
 
@@ -65,6 +80,7 @@ static void take_error_frame(struct can_bus *bus, const struct can_frame *frame)
         bus->state = CAN_STATE_ACTIVE;
     else if (frame->can_id & CAN_ERR_CRTL) {
         uint8_t bits = frame->data[1];
+        bus->frames_dropped += (bits & CAN_ERR_CRTL_RX_OVERFLOW) != 0; /* at least one */
         if (bits & (CAN_ERR_CRTL_RX_PASSIVE | CAN_ERR_CRTL_TX_PASSIVE))
             bus->state = CAN_STATE_PASSIVE;
         else if (bits & (CAN_ERR_CRTL_RX_WARNING | CAN_ERR_CRTL_TX_WARNING))

@@ -113,6 +113,7 @@ int line_reader_next(struct line_reader *reader, char ret_text[LINE_MAX_BYTES])
     const uint8_t *end = memchr(start, '\n', rest);
     size_t length = end ? (size_t)(end - start) : rest;
     reader->offset += length + (end ? 1 : 0);
+    reader->torn = !end;
     if (length > 0 && start[length - 1] == '\r')
         length--;
     if (length >= LINE_MAX_BYTES || memchr(start, '\0', length))
@@ -120,6 +121,14 @@ int line_reader_next(struct line_reader *reader, char ret_text[LINE_MAX_BYTES])
     memcpy(ret_text, start, length);
     ret_text[length] = '\0';
     return 1;
+}
+
+bool flight_breaks_off(struct flight *flight, const char *name, const struct line_reader *lines)
+{
+    if (lines->torn)
+        diag_set(&flight->note, 0, "%s:%u: it ends within this line; what comes before is read",
+                 name, lines->line);
+    return lines->torn;
 }
 
 int flight_load_memory(const char *name, const void *data, size_t size,

@@ -123,6 +123,8 @@ static int candump_read(const struct flight_input *input, const struct flight_pa
         if (text[0] != '(')
             continue;
         size_t column = parse_line(text, &line);
+        if (column && flight_breaks_off(flight, input->name, &lines))
+            break;
         if (column)
             return diag_set(diag, -EBADMSG, "%s:%u:%zu: not a candump line", input->name,
                             lines.line, column);
@@ -138,7 +140,7 @@ static int candump_read(const struct flight_input *input, const struct flight_pa
     uint64_t reordered = flight->counters.reordered;
     flight->counters = intake.counters;
     flight->counters.reordered += reordered;
-    if (r < 0)
+    if (r < 0 && !flight_breaks_off(flight, input->name, &lines))
         return diag_set(diag, r, "%s:%u:1: not a line of text", input->name, lines.line);
     return 0;
 }

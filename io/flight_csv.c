@@ -134,6 +134,8 @@ static int csv_read(const struct flight_input *input, const struct flight_params
         if (line[0] == '#' || line[0] == '\0')
             continue;
         r = read_numbers(input, lines.line, line, values, diag);
+        if (r < 0 && flight_breaks_off(flight, input->name, &lines))
+            break;
         if (r < 0)
             return r;
         if (values[0] <= last_s)
@@ -144,7 +146,7 @@ static int csv_read(const struct flight_input *input, const struct flight_params
         if (r < 0)
             return r;
     }
-    if (r < 0)
+    if (r < 0 && !flight_breaks_off(flight, input->name, &lines))
         return diag_set(diag, r, "%s:%u:1: not a line of text", input->name, lines.line);
     flight_add_motion(flight);
     return 0;

@@ -35,6 +35,7 @@ struct line_reader {
     const uint8_t *data;
     size_t size, offset;
     unsigned line; /* of the one just read, from 1 */
+    bool torn;     /* it is the last and has no end */
 };
 
 #define LINE_MAX_BYTES 1024
@@ -42,3 +43,6 @@ struct line_reader {
 /* Copies the next line without its end into `ret_text`. Returns 1, 0 at the end, or -EBADMSG where
  * it is longer than LINE_MAX_BYTES - 1 or holds a NUL. */
 int line_reader_next(struct line_reader *reader, char ret_text[LINE_MAX_BYTES]);
+
+/* For a line that makes no sense: true, and a note, where its file was cut off within it. */
+bool flight_breaks_off(struct flight *flight, const char *name, const struct line_reader *lines);

@@ -188,6 +188,8 @@ static int igc_read(const struct flight_input *input, const struct flight_params
         struct pose pose = {0};
         double pressure_m;
         size_t column = read_fix(line, &igc, &pose, &pressure_m);
+        if (column && flight_breaks_off(flight, input->name, &lines))
+            break;
         if (column)
             return diag_set(diag, -EBADMSG, "%s:%u:%zu: not a sound B record", input->name,
                             lines.line, column);
@@ -197,7 +199,7 @@ static int igc_read(const struct flight_input *input, const struct flight_params
         if (r < 0)
             return r;
     }
-    if (r < 0)
+    if (r < 0 && !flight_breaks_off(flight, input->name, &lines))
         return diag_set(diag, r, "%s:%u:1: not a line of text", input->name, lines.line);
     settle_heights(flight, igc.any_gnss, params);
     flight_add_motion(flight);

@@ -13,6 +13,9 @@
 /* The offset of two clocks may creep by this much, so that drift does not wear the mapping out. */
 #define CLOCK_DRIFT_PER_S 1e-4
 #define CLOCK_JUMP_NS     (500 * NSEC_PER_MSEC)
+/* A clock that was set back by less shows as a path that is never as short again for this long. */
+#define CLOCK_WINDOW_NS (5 * NSEC_PER_SEC)
+#define CLOCK_STEP_NS   (10 * NSEC_PER_MSEC)
 
 static const char *const protocol_names[POSE_PROTOCOLS] = {
     [POSE_PROTOCOL_NATIVE] = "native",
@@ -100,6 +103,14 @@ static nsec_t sample_time(struct sender_clock *clock, int64_t sender_ns, nsec_t 
     nsec_t creep_ns = (nsec_t)((double)(receive_ns - clock->last_receive_ns) * CLOCK_DRIFT_PER_S);
     clock->last_receive_ns = receive_ns;
     clock->offset_ns += creep_ns;
+    if (!clock->known || receive_ns - clock->window_ns > CLOCK_WINDOW_NS) {
+        if (clock->known && clock->least_ns - clock->offset_ns > CLOCK_STEP_NS)
+            clock->offset_ns = clock->least_ns;
+        clock->window_ns = receive_ns;
+        clock->least_ns = offset_ns;
+    }
+    if (offset_ns < clock->least_ns)
+        clock->least_ns = offset_ns;
     if (!clock->known || offset_ns < clock->offset_ns ||
         offset_ns - clock->offset_ns > CLOCK_JUMP_NS)
         clock->offset_ns = offset_ns;

@@ -46,6 +46,7 @@ struct intake_counters {
 struct sender_clock {
     bool known;
     nsec_t offset_ns, last_receive_ns;
+    nsec_t window_ns, least_ns; /* since when, the least difference that came */
 };
 
 struct intake {

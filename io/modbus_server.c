@@ -2,6 +2,7 @@
 
 #include <assert.h>
 #include <errno.h>
+#include <fcntl.h>
 #include <netinet/tcp.h>
 #include <stdlib.h>
 #include <string.h>
@@ -17,6 +18,7 @@
 #define EVENTS_A_CALL   16
 #define REQUESTS_A_TURN 8 /* of one client before the others have theirs */
 #define SWEEP_PERIOD_MS 250
+#define EVICT_AFTER_NS  (2 * NSEC_PER_SEC)
 
 struct client {
     int fd;            /* -1 where free */
@@ -67,12 +69,33 @@ static void client_drop(struct modbus_server *server, struct client *client)
     modbus_replier_publish_clients(&server->replier, server->count);
 }
 
+/* Frees the place of whoever asked nothing for longest, where that is long enough: clients that
+ * hang must not lock others out. */
+static struct client *evict(struct modbus_server *server)
+{
+    const struct modbus_server_params *params = &server->replier.params;
+    struct client *idlest = &server->clients[0];
+    for (unsigned i = 1; i < server->max_clients; i++)
+        if (server->clients[i].request_ns < idlest->request_ns)
+            idlest = &server->clients[i];
+    nsec_t idle_ns = server->now_ns - idlest->request_ns;
+    if (idle_ns < EVICT_AFTER_NS)
+        return NULL;
+    union address address = {0};
+    socklen_t length = sizeof(address);
+    getpeername(idlest->fd, &address.any, &length);
+    client_drop(server, idlest);
+    if (params->evicted)
+        params->evicted(params->context, &address, idle_ns);
+    return idlest;
+}
+
 static struct client *free_client(struct modbus_server *server)
 {
     for (unsigned i = 0; i < server->max_clients; i++)
         if (server->clients[i].fd < 0)
             return &server->clients[i];
-    return NULL;
+    return evict(server);
 }
 
 static void client_take(struct modbus_server *server, int fd)
@@ -249,6 +272,19 @@ static int listen_at(struct modbus_server *server, const char *listen_text, stru
     return 0;
 }
 
+/* A socket that somebody else opened may block and may not even listen. */
+static int adopt(struct modbus_server *server, int fd, struct diag *diag)
+{
+    int listens = 0;
+    socklen_t length = sizeof(listens);
+    if (getsockopt(fd, SOL_SOCKET, SO_ACCEPTCONN, &listens, &length) < 0 || !listens)
+        return diag_set(diag, -EINVAL, "the inherited descriptor %d is no listening socket", fd);
+    server->listen_fd = fcntl(fd, F_DUPFD_CLOEXEC, 3);
+    if (server->listen_fd < 0 || fcntl(server->listen_fd, F_SETFL, O_NONBLOCK) < 0)
+        return diag_set(diag, -errno, "the inherited descriptor %d: %s", fd, strerror(errno));
+    return 0;
+}
+
 static int make_loop(struct modbus_server *server)
 {
     server->epoll_fd = epoll_create1(EPOLL_CLOEXEC);
@@ -273,7 +309,8 @@ static int open_parts(struct modbus_server *server, const struct modbus_server_p
     own.unit = params->unit ? params->unit : 1;
     int r = modbus_replier_init(&server->replier, &own);
     if (r == 0)
-        r = listen_at(server, params->listen, diag);
+        r = params->listen_fd ? adopt(server, params->listen_fd, diag)
+                              : listen_at(server, params->listen, diag);
     else
         diag_set(diag, r, "%s: %s", params->listen, strerror(-r));
     if (r == 0 && (r = make_loop(server)) < 0)

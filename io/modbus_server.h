@@ -32,15 +32,19 @@ struct modbus_control {
 
 struct modbus_server_params {
     const char *listen;       /* "ADDRESS:PORT"; port 0: the kernel chooses */
+    int listen_fd;            /* a listening socket instead of `listen`, duplicated; 0: none */
     unsigned unit;            /* answered besides 0 and 255; 0: 1 */
     bool allow_control;       /* else functions 1, 3, 5, 6, 15 and 16 do not exist */
-    unsigned max_clients;     /* 0: 8; further ones are closed at once; at most 64 */
+    unsigned max_clients;     /* 0: 8; at most 64. A further one takes the place of whoever asked
+                                 nothing for longest and for two seconds, else is closed at once */
     unsigned idle_timeout_ms; /* without a whole request; 0: 60 000 */
     const char *version;      /* for function 43; NULL: "" */
     const char *channel;      /* for function 43; NULL: "" */
-    /* Called from modbus_server_dispatch() for each thing written. NULL where allow_control is
-     * false. */
+    /* Both are called from modbus_server_dispatch(). For each thing written; NULL where
+     * allow_control is false. */
     void (*control)(void *context, const struct modbus_control *control);
+    /* A client that asked nothing for `idle_ns` had to give way to a further one. May be NULL. */
+    void (*evicted)(void *context, const union address *client, nsec_t idle_ns);
     void *context;
 };
 

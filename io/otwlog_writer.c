@@ -39,7 +39,9 @@ struct otwlog_writer {
     /* the rest belongs to the flushing thread */
     char directory[PATH_BYTES - 64], stem[32], path[PATH_BYTES];
     int fd;
-    unsigned number;
+    unsigned number;           /* of the file now written */
+    unsigned kept[FILES_KEPT]; /* the numbers of this run's files; 0: none yet */
+    size_t files;              /* begun */
     size_t file_bytes, file_limit;
     struct source_record sources[ARBITER_SOURCES_MAX];
 };
@@ -75,19 +77,23 @@ static int begin_file(struct otwlog_writer *writer, struct diag *diag)
 {
     if (writer->fd >= 0)
         close(writer->fd);
-    if (++writer->number > FILES_KEPT) {
+    unsigned *oldest_number = &writer->kept[writer->files % FILES_KEPT];
+    if (*oldest_number) {
         char oldest[PATH_BYTES];
-        path_of(writer, writer->number - FILES_KEPT, oldest);
+        path_of(writer, *oldest_number, oldest);
         if (unlink(oldest) == 0)
             atomic_fetch_add_explicit(&writer->removed, 1, memory_order_relaxed);
     }
-    path_of(writer, writer->number, writer->path);
+    *oldest_number = 0;
+    path_of(writer, ++writer->number, writer->path);
     writer->file_bytes = 0;
     while ((writer->fd = open(writer->path, FLAGS, 0644)) < 0 && errno == EEXIST &&
            writer->number < NUMBER_MAX) /* of a run that began in the same second */
         path_of(writer, ++writer->number, writer->path);
     if (writer->fd < 0)
         return diag_set(diag, -errno, "%s: cannot record: %s", writer->path, strerror(errno));
+    *oldest_number = writer->number;
+    writer->files++;
     uint8_t head[OTWLOG_HEADER_SIZE] = OTWLOG_MAGIC;
     struct byte_writer out = {.data = head, .size = sizeof(head), .offset = 8};
     byte_writer_put(&out, OTWLOG_VERSION, 4, false);

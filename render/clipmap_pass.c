@@ -16,6 +16,7 @@
  * of holes in Mesa's software rasterisers (docs/performance.md). */
 #define SOFTWARE_VERTICES 65535
 #define BUFFERED_FRAMES   4
+#define UPLOAD_GROUP      64 /* texels of a work group of upload.comp */
 #define BOUNDS_MARGIN_M   0.5f
 
 struct block_vertex {
@@ -33,7 +34,7 @@ struct clipmap_pass {
     struct clipmap_shape shape;
     bool software;
     int instances;
-    GLuint program, vertex_array, vertex_buffer, heights, surfaces, ground;
+    GLuint program, upload, vertex_array, vertex_buffer, heights, surfaces, ground;
     struct block_vertex *mapped;   /* BUFFERED_FRAMES parts, persistently mapped */
     GLuint arenas[LOADER_UPDATES]; /* pixel buffers that the loader writes into */
     void *arena_memory[LOADER_UPDATES];
@@ -122,6 +123,8 @@ int clipmap_pass_create(const struct clipmap_shape *shape, const struct gl_facts
     if (r == 0)
         r = program_create(&(struct program_params){.name = "terrain", .defines = defines},
                            &pass->program, diag);
+    if (r == 0)
+        r = program_create(&(struct program_params){.name = "upload"}, &pass->upload, diag);
     if (r < 0) {
         clipmap_pass_destroy(pass);
         return r;
@@ -132,8 +135,8 @@ int clipmap_pass_create(const struct clipmap_shape *shape, const struct gl_facts
         return r;
     }
     pass->heights = create_array(shape, clipmap_storage(shape), GL_RG32F, GL_NEAREST);
-    pass->surfaces = create_array(shape, 2 * clipmap_storage(shape), GL_RGBA16F, GL_LINEAR);
-    pass->ground = ground_texture_create();
+    pass->surfaces = create_array(shape, 2 * clipmap_storage(shape), GL_RGBA8, GL_LINEAR);
+    pass->ground = ground_texture_create(facts->software);
     create_block_buffer(pass);
     *ret_pass = pass;
     return 0;
@@ -149,73 +152,39 @@ void clipmap_pass_destroy(struct clipmap_pass *pass)
     glDeleteBuffers(LOADER_UPDATES, pass->arenas);
     glDeleteVertexArrays(1, &pass->vertex_array);
     glDeleteProgram(pass->program);
+    glDeleteProgram(pass->upload);
     free(pass->bounds);
     free(pass);
 }
 
-/* Pixels of one rectangle, row-major, on their way to a toroidal texture layer. */
-struct upload {
-    GLuint texture;
-    GLint side, level;
-    struct clipmap_rect rect;
-    GLenum format, type;
-    size_t offset; /* in the bound pixel buffer */
-    size_t pixel_bytes;
-};
+enum texture_kind { HEIGHTS, SURFACES };
 
-/* Up to four pieces where the rectangle wraps. */
-static void upload_rect(const struct upload *upload)
+/* Copies the texels that lie row-major from `word` of the bound arena on. */
+static void upload_rect(struct clipmap_pass *pass, enum texture_kind kind, int level,
+                        struct clipmap_rect rect, size_t word)
 {
-    struct clipmap_rect rect = upload->rect;
-    int side = upload->side, mask = side - 1;
-    glPixelStorei(GL_UNPACK_ROW_LENGTH, rect.cols);
-    for (int r = 0, rows; r < rect.rows; r += rows) {
-        int y = (rect.row0 + r) & mask;
-        rows = rect.rows - r < side - y ? rect.rows - r : side - y;
-        for (int c = 0, cols; c < rect.cols; c += cols) {
-            int x = (rect.col0 + c) & mask;
-            cols = rect.cols - c < side - x ? rect.cols - c : side - x;
-            size_t at = (size_t)r * (size_t)rect.cols + (size_t)c;
-            glTextureSubImage3D(upload->texture, 0, x, y, upload->level, cols, rows, 1,
-                                upload->format, upload->type,
-                                (const void *)(upload->offset + at * upload->pixel_bytes));
-        }
-    }
-}
-
-static void upload_strip(struct clipmap_pass *pass, const struct loader_strip *strip)
-{
-    int side = clipmap_storage(&pass->shape);
-    upload_rect(&(struct upload){
-        .texture = pass->heights,
-        .side = side,
-        .level = strip->level,
-        .rect = strip->posts,
-        .format = GL_RG,
-        .type = GL_FLOAT,
-        .offset = strip->height_offset * sizeof(struct loader_height),
-        .pixel_bytes = sizeof(struct loader_height),
-    });
-    upload_rect(&(struct upload){
-        .texture = pass->surfaces,
-        .side = 2 * side,
-        .level = strip->level,
-        .rect = strip->half_posts,
-        .format = GL_RGBA,
-        .type = GL_HALF_FLOAT,
-        .offset = loader_surfaces_offset(&pass->shape) +
-                  strip->surface_offset * sizeof(struct loader_surface),
-        .pixel_bytes = sizeof(struct loader_surface),
-    });
+    int texels = rect.rows * rect.cols, side = clipmap_storage(&pass->shape) << (kind == SURFACES);
+    if (texels == 0)
+        return;
+    glUniform4i(0, rect.col0, rect.row0, rect.cols, texels);
+    glUniform4i(1, (GLint)word, level, side - 1, kind);
+    glDispatchCompute((GLuint)(texels + UPLOAD_GROUP - 1) / UPLOAD_GROUP, 1, 1);
 }
 
 void clipmap_pass_apply(struct clipmap_pass *pass, const struct loader_update *update)
 {
-    glBindBuffer(GL_PIXEL_UNPACK_BUFFER, pass->arenas[update->slot]);
-    for (unsigned i = 0; i < update->strip_count; i++)
-        upload_strip(pass, &update->strips[i]);
-    glBindBuffer(GL_PIXEL_UNPACK_BUFFER, 0);
-    glPixelStorei(GL_UNPACK_ROW_LENGTH, 0);
+    size_t surfaces = loader_surfaces_offset(&pass->shape) / sizeof(GLuint);
+    glUseProgram(pass->upload);
+    glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 0, pass->arenas[update->slot]);
+    glBindImageTexture(0, pass->heights, 0, GL_TRUE, 0, GL_WRITE_ONLY, GL_RG32F);
+    glBindImageTexture(1, pass->surfaces, 0, GL_TRUE, 0, GL_WRITE_ONLY, GL_RGBA8);
+    for (unsigned i = 0; i < update->strip_count; i++) {
+        const struct loader_strip *strip = &update->strips[i];
+        upload_rect(pass, HEIGHTS, strip->level, strip->posts, 2 * strip->height_offset);
+        upload_rect(pass, SURFACES, strip->level, strip->half_posts,
+                    surfaces + strip->surface_offset);
+    }
+    glMemoryBarrier(GL_TEXTURE_FETCH_BARRIER_BIT);
     pass->uploaded += update->height_count * sizeof(struct loader_height) +
                       update->surface_count * sizeof(struct loader_surface);
     size_t squares = (size_t)level_squares(&pass->shape) * (size_t)level_squares(&pass->shape);

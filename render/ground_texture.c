@@ -53,7 +53,7 @@ static uint8_t byte_from_signed(float value)
     return (uint8_t)(scaled + 0.5f);
 }
 
-GLuint ground_texture_create(void)
+GLuint ground_texture_create(bool software)
 {
     float *surface = malloc(SIDE * SIDE * sizeof(*surface));
     uint8_t(*texels)[4] = malloc(SIDE * SIDE * sizeof(*texels));
@@ -79,7 +79,8 @@ GLuint ground_texture_create(void)
         glTextureStorage2D(texture, 9, GL_RGBA8, SIDE, SIDE);
         glTextureSubImage2D(texture, 0, 0, 0, SIDE, SIDE, GL_RGBA, GL_UNSIGNED_BYTE, texels);
         glGenerateTextureMipmap(texture);
-        glTextureParameteri(texture, GL_TEXTURE_MIN_FILTER, GL_LINEAR_MIPMAP_LINEAR);
+        glTextureParameteri(texture, GL_TEXTURE_MIN_FILTER,
+                            software ? GL_LINEAR_MIPMAP_NEAREST : GL_LINEAR_MIPMAP_LINEAR);
         glTextureParameteri(texture, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
     }
     free(surface);

@@ -3,6 +3,8 @@
 #pragma once
 
 #include <epoxy/gl.h>
+#include <stdbool.h>
 
-/* 256 x 256 RGBA8 with mipmaps, repeating. The caller deletes it. */
-GLuint ground_texture_create(void);
+/* 256 x 256 RGBA8 with mipmaps, repeating; blended between them but on a software rasteriser, where
+ * that costs a tenth of the shading. The caller deletes it. */
+GLuint ground_texture_create(bool software);

@@ -38,6 +38,7 @@ struct renderer {
 
     /* From the last update applied. */
     double ground_m, undulation_m;
+    bool late; /* some of the terrain is coarser than the source has it */
     struct renderer_frame frame;
 };
 
@@ -176,11 +177,11 @@ void renderer_destroy(struct renderer *renderer)
 }
 
 /* One level finer than will be drawn is kept ready, so that descending finds it. */
-void renderer_wish(struct renderer *renderer, const struct geodetic *eye)
+void renderer_wish(struct renderer *renderer, const struct geodetic *eye, bool patient)
 {
     float fade;
     int finest = clipmap_finest_level(&renderer->shape, eye->height_m - renderer->ground_m, &fade);
-    loader_wish(renderer->loader, eye->lat_deg, eye->lon_deg, finest > 0 ? finest - 1 : 0);
+    loader_wish(renderer->loader, eye->lat_deg, eye->lon_deg, finest > 0 ? finest - 1 : 0, patient);
 }
 
 void renderer_wait(struct renderer *renderer)
@@ -195,6 +196,7 @@ static void apply_updates(struct renderer *renderer)
         clipmap_pass_apply(renderer->clipmap, update);
         renderer->ground_m = update->ground_m;
         renderer->undulation_m = update->undulation_m;
+        renderer->late = update->late;
         renderer->held[renderer->held_count++] = update;
     }
 }
@@ -204,7 +206,7 @@ static bool is_complete(const struct renderer *renderer, const struct geodetic *
 {
     const struct clipmap_shape *shape = &renderer->shape;
     const struct clipmap_layout *drawn = clipmap_pass_layout(renderer->clipmap);
-    if (!drawn)
+    if (!drawn || renderer->late)
         return false;
     float fade;
     int wanted = clipmap_finest_level(shape, eye->height_m - renderer->ground_m, &fade);

@@ -45,8 +45,9 @@ int renderer_create(const struct renderer_params *params, const struct gl_facts 
                     struct renderer **ret_renderer, struct diag *diag);
 void renderer_destroy(struct renderer *renderer);
 
-/* Tells the loader where the eye will be. May be called ahead of the frame. */
-void renderer_wish(struct renderer *renderer, const struct geodetic *eye);
+/* Tells the loader where the eye will be. May be called ahead of the frame. `patient`: terrain is
+ * awaited rather than shown coarser while it is read. */
+void renderer_wish(struct renderer *renderer, const struct geodetic *eye, bool patient);
 
 /* Waits until the terrain of the last wish is there. Not for live use. */
 void renderer_wait(struct renderer *renderer);

@@ -87,7 +87,7 @@ int block_put_heights(struct block *block, struct block_tile *tile, const float 
 {
     symbols_from_heights(heights_m, TILE_POST_COUNT, block->step_m, tile->symbols);
     tile_record_measure(&tile->record, block->grid, tile->symbols, block->step_m);
-    tile->record.error_m = block->max_error_m;
+    tile->record.error_m = tile_error_m(block->max_error_m);
     tile->record.children = 0;
     tile->exists = !isnan(tile->record.min_m);
     return tile->exists && origins ? tile_record_set_origins(&tile->record, origins) : 0;
@@ -267,7 +267,7 @@ static void build_parent(struct block *block, int above, int row_index, struct b
             parent->record.children |= (uint8_t)tile_child_bit(grid, child->record.id);
         }
     }
-    parent->record.error_m = worst_m;
+    parent->record.error_m = tile_error_m(worst_m);
     if (parent->exists)
         tile_record_measure(&parent->record, grid, parent->symbols, block->step_m);
 }

@@ -5,7 +5,7 @@
 
 #define METRES_PER_DEGREE 111195.0 /* of latitude, to the 0.5 % that choosing a level needs */
 #define HARDWARE_SEGMENTS 64       /* GL_MAX_TESS_GEN_LEVEL that OpenGL guarantees */
-#define PIECE_CELLS       32       /* a side of what is culled by itself; doubled, 64 segments */
+#define PIECE_CELLS       16       /* a side of what is culled by itself */
 
 static double band_factor(double lat_deg)
 {

@@ -82,9 +82,9 @@ struct clipmap_block {
     uint8_t doubled;    /* enum clipmap_edge: edges shared with the finer level */
 };
 
-/* Into how many pieces a side of a block is cut by instancing, so that no piece is wider than 32
- * cells and a level needs no more than CLIPMAP_MAX_BLOCKS blocks: 1 up to n = 127, 2 at 255, 4 at
- * 511. */
+/* Into how many pieces a side of a block is cut by instancing, so that no piece of an M block
+ * is wider than 16 cells and a level needs no more than CLIPMAP_MAX_BLOCKS blocks: 1 up to n = 63,
+ * 2 at 127, 4 at 255, 8 at 511. */
 int clipmap_instances(const struct clipmap_shape *shape);
 
 /* The blocks of `level`: twelve M, four R and the L in three parts where `hole` (a finer level is

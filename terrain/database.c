@@ -128,6 +128,11 @@ const struct grid *database_grid(const struct database *database)
     return &database->grid;
 }
 
+const char *database_path(const struct database *database)
+{
+    return database->path;
+}
+
 int database_top_level(const struct database *database)
 {
     return database->top_level;
@@ -167,7 +172,7 @@ int database_take_record(sqlite3_stmt *row, struct tile_record *ret_record, stru
         .id = tile_id_from_key(sqlite3_column_int64(row, 0)),
         .min_m = height_column(row, 1),
         .max_m = height_column(row, 2),
-        .error_m = sqlite3_column_double(row, 3),
+        .error_m = (double)sqlite3_column_int64(row, 3) / 1000.0,
         .posts = (uint32_t)sqlite3_column_int64(row, 4),
         .children = (uint8_t)sqlite3_column_int64(row, 5),
     };

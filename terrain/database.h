@@ -34,6 +34,9 @@ void database_close(struct database *database);
 /* Borrowed; lives as long as the database. */
 const struct grid *database_grid(const struct database *database);
 
+/* The file that it was opened as; borrowed. */
+const char *database_path(const struct database *database);
+
 /* The coarsest level that has tiles. */
 int database_top_level(const struct database *database);
 
@@ -123,11 +126,7 @@ int database_verify(struct database *database, database_verify_function function
 int database_source_open(const char *path, unsigned cache_tiles, struct terrain_source **ret_source,
                          struct diag *diag);
 
-/* The height of the finest surface, as sample_point, and where ret_normal_enu is not NULL the
- * surface's upward unit normal in east, north, up (NaN where the height is). `source` must come
- * from database_source_open. Returns 0 or -errno. */
-int database_source_height(struct terrain_source *source, double lat_deg, double lon_deg,
-                           double *ret_height_m, double ret_normal_enu[3]);
-
 /* The database under a source; borrowed. */
 struct database *database_of_source(struct terrain_source *source);
+/* Its decoded tiles, which other threads may share once it streams; borrowed. */
+struct tile_cache *tile_cache_of_source(struct terrain_source *source);

@@ -13,7 +13,7 @@
 
 /* Decision 0006 has the measurements: payloads lie one behind the other in packs, because what the
  * last page of a row leaves free is lost; small pages, because every table loses half of one. */
-#define PACK_BYTES 32768
+#define PACK_BYTES 65536
 #define COMPOSE_PRAGMAS                                                                            \
     "PRAGMA page_size=1024; PRAGMA journal_mode=OFF; PRAGMA synchronous=OFF;"                      \
     "PRAGMA cache_size=-8192"

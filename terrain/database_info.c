@@ -89,7 +89,7 @@ static int fill_levels(struct database *database, struct database_info *info, st
         database,
         "SELECT key >> 48, count(*), sum(coalesce(size, length(payload))), sum(iif(children = 0, "
         "posts, 0)),"
-        " min(min_m), max(max_m), max(error_m) FROM tiles GROUP BY key >> 48 ORDER BY 1",
+        " min(min_m), max(max_m), max(error_mm) FROM tiles GROUP BY key >> 48 ORDER BY 1",
         &statement, diag);
     info->min_m = INFINITY, info->max_m = -INFINITY;
     while (r >= 0 && (r = database_sql_step(database, statement, "reading tiles", diag)) == 1) {
@@ -99,7 +99,7 @@ static int fill_levels(struct database *database, struct database_info *info, st
         info->levels = level + 1;
         info->level[level].tiles = (uint64_t)sqlite3_column_int64(statement, 1);
         info->level[level].bytes = (uint64_t)sqlite3_column_int64(statement, 2);
-        info->level[level].error_m = sqlite3_column_double(statement, 6);
+        info->level[level].error_m = sqlite3_column_double(statement, 6) / 1000.0;
         info->posts += (uint64_t)sqlite3_column_int64(statement, 3);
         if (sqlite3_column_type(statement, 4) == SQLITE_NULL)
             continue;

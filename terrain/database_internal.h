@@ -19,7 +19,7 @@ struct database {
 
 /* A payload lies in the tile's own row or is a piece of a pack. */
 #define TILE_COLUMNS                                                                               \
-    "key, min_m, max_m, error_m, posts, children, checksum,"                                       \
+    "key, min_m, max_m, error_mm, posts, children, checksum,"                                      \
     " coalesce(payload, substr(bytes, start + 1, size)), origin"
 #define TILE_TABLES "tiles LEFT JOIN packs ON packs.id = tiles.pack"
 

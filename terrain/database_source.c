@@ -10,15 +10,19 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "terrain/database_extent.h"
 #include "terrain/database_internal.h"
+#include "terrain/surface.h"
 #include "terrain/tile_cache.h"
 
-/* Positions this near to a post, in cells, are that post: angles in degrees are not exact. */
-#define SNAP_CELLS 1e-6
+#define SNAP_CELLS SURFACE_SNAP_CELLS
 
 #define ROWS_MAX (1 << 20)
+
+#define RANK_PER_LEVEL 64.0
+#define RANK_AHEAD     1e4f /* what is only going to be needed comes after all else */
 
 struct database_source {
     struct terrain_source source;
@@ -27,6 +31,9 @@ struct database_source {
     struct terrain_facts facts;
     float *rows; /* two rows of posts, owned; row_capacity each */
     int row_capacity;
+    bool streams; /* tiles are pinned, not waited for */
+    bool late;    /* of what the present call gives */
+    double focus_lat_deg, focus_lon_deg;
 };
 
 /* Places along a row: longitude lon0 + c * step. */
@@ -108,6 +115,35 @@ static void fill_nan(float *heights_m, int begin, int end)
         heights_m[c] = NAN;
 }
 
+/* The lower, the sooner it is made: coarse levels first, then by the distance in tiles. */
+static float rank_of(const struct database_source *source, struct tile_id id)
+{
+    const struct grid *grid = &source->database->grid;
+    unsigned shift = grid_lon_shift(grid, id.level, id.row);
+    double width = grid_width_cells(grid, id.level, shift) / TILE_CELLS;
+    double row = grid_row_at(grid, id.level, source->focus_lat_deg) / TILE_CELLS - 0.5;
+    double col = grid_col_at(grid, id.level, shift, source->focus_lon_deg) / TILE_CELLS - 0.5;
+    double east = fabs(remainder(id.col - col, width)), north = fabs(id.row - row);
+    return (float)(-RANK_PER_LEVEL * id.level + fmin(fmax(east, north), RANK_PER_LEVEL));
+}
+
+static const float *take_tile(struct database_source *source, struct tile_id id,
+                              struct tile_pin *pin)
+{
+    int status;
+    if (!source->streams)
+        return tile_cache_look(source->cache, id, &status);
+    tile_cache_pin(source->cache, id, rank_of(source, id), pin);
+    source->late |= pin->late;
+    return pin->heights_m;
+}
+
+static void leave_tile(struct database_source *source, const struct tile_pin *pin)
+{
+    if (source->streams)
+        tile_cache_unpin(source->cache, pin);
+}
+
 /* Heights along one row of posts. */
 static void fill_post_row(struct database_source *source, int level, int64_t row, int32_t tile_row,
                           const struct columns *columns, float *ret_heights_m)
@@ -137,13 +173,15 @@ static void fill_post_row(struct database_source *source, int level, int64_t row
         span.end =
             steps < columns->count - span.begin - 1 ? span.begin + (int)steps + 1 : columns->count;
         struct tile_id id = {level, tile_row, tile_col};
-        const float *tile = tile_cache_get(source->cache, id);
+        struct tile_pin pin;
+        const float *tile = take_tile(source, id, &pin);
         if (tile) {
             span.posts = tile + (row - (int64_t)tile_row * TILE_CELLS) * TILE_POSTS;
             fill_span(&span, ret_heights_m);
         } else {
             fill_nan(ret_heights_m, span.begin, span.end);
         }
+        leave_tile(source, &pin);
         span.begin = span.end;
     }
 }
@@ -216,8 +254,16 @@ static void fill_row(struct database_source *source, int level, double lat_deg,
 
 static void count_tiles(struct database_source *source)
 {
-    source->source.tiles_loaded = tile_cache_loaded(source->cache);
-    source->source.read_errors = tile_cache_errors(source->cache);
+    struct tile_cache_counts counts;
+    tile_cache_counts(source->cache, &counts);
+    source->source.tiles_loaded = counts.loaded;
+    source->source.read_errors = counts.errors;
+    source->source.tile_hits = counts.hits;
+    source->source.tile_misses = counts.late;
+    source->source.prefetched = counts.prefetched;
+    source->source.longest_late_ms = counts.longest_late_ms;
+    source->source.tiles_resident = counts.resident;
+    source->source.tiles_pending = counts.pending;
 }
 
 static int source_sample_grid(struct terrain_source *terrain_source,
@@ -233,11 +279,12 @@ static int source_sample_grid(struct terrain_source *terrain_source,
                               grid->cols};
     struct row_pair pair = {.held = {INT64_MIN, INT64_MIN},
                             .heights_m = {source->rows, source->rows + source->row_capacity}};
+    source->late = false;
     for (int row = 0; row < grid->rows; row++)
         fill_row(source, level, (double)(grid->row0 + row) * grid->lat_step_deg, &columns, &pair,
                  ret_height_m + (size_t)row * (size_t)grid->cols);
     count_tiles(source);
-    return 0;
+    return source->late ? TERRAIN_LATE : 0;
 }
 
 static float height_at(struct database_source *source, double lat_deg, double lon_deg)
@@ -259,39 +306,55 @@ static int source_sample_point(struct terrain_source *terrain_source, double lat
     return 0;
 }
 
-/* Slope between two heights `apart_m` from each other; from the middle where one is missing. */
-static double slope(double before_m, double here_m, double after_m, double apart_m)
+static int source_stream(struct terrain_source *terrain_source, void (*arrived)(void *user),
+                         void *user, struct diag *diag)
 {
-    if (!isnan(before_m) && !isnan(after_m))
-        return (after_m - before_m) / apart_m;
-    if (!isnan(after_m))
-        return (after_m - here_m) / (0.5 * apart_m);
-    if (!isnan(before_m))
-        return (here_m - before_m) / (0.5 * apart_m);
-    return 0.0;
+    struct database_source *source = of(terrain_source);
+    long processors = sysconf(_SC_NPROCESSORS_ONLN);
+    unsigned workers = processors < 4 ? 1 : processors < 16 ? (unsigned)processors / 4 : 4;
+    int r = tile_cache_start(source->cache, workers, arrived, user, diag);
+    source->streams = r == 0;
+    return r;
 }
 
-/* The surface's normal from heights a quarter of a cell away on each side. The radii of curvature
- * are those of WGS84 (semi-major axis 6378137 m, flattening 1/298.257223563). */
-static void normal_at(struct database_source *source, double lat_deg, double lon_deg, double here_m,
-                      double ret_normal_enu[3])
+static void source_settle(struct terrain_source *terrain_source)
 {
-    const double axis_m = 6378137.0, e2 = 6.69437999014131699614e-3, rad = M_PI / 180.0;
-    const struct grid *grid = &source->database->grid;
-    double d_lat = 0.25 * grid_lat_step_deg(grid, 0);
-    struct row_place place = place_row(grid, 0, lat_deg);
-    double d_lon = 0.25 * grid_lon_step_deg(grid, 0, grid_lon_shift(grid, 0, place.tile_row));
-    double sine = sin(lat_deg * rad), w = sqrt(1.0 - e2 * sine * sine);
-    double north_m = 2.0 * d_lat * rad * axis_m * (1.0 - e2) / (w * w * w);
-    double east_m = 2.0 * d_lon * rad * axis_m / w * fmax(cos(lat_deg * rad), 1e-9);
-    double dz_dn = slope(height_at(source, lat_deg - d_lat, lon_deg), here_m,
-                         height_at(source, lat_deg + d_lat, lon_deg), north_m);
-    double dz_de = slope(height_at(source, lat_deg, lon_deg - d_lon), here_m,
-                         height_at(source, lat_deg, lon_deg + d_lon), east_m);
-    double length = sqrt(dz_de * dz_de + dz_dn * dz_dn + 1.0);
-    ret_normal_enu[0] = -dz_de / length;
-    ret_normal_enu[1] = -dz_dn / length;
-    ret_normal_enu[2] = 1.0 / length;
+    tile_cache_settle(of(terrain_source)->cache);
+}
+
+static void source_focus(struct terrain_source *terrain_source, double lat_deg, double lon_deg)
+{
+    of(terrain_source)->focus_lat_deg = fmin(fmax(lat_deg, -90.0), 90.0);
+    of(terrain_source)->focus_lon_deg = lon_deg;
+}
+
+/* The tiles of one tile row that a grid touches. */
+static void prefetch_tile_row(struct database_source *source, int level, int32_t row,
+                              const struct terrain_grid *grid)
+{
+    const struct grid *of = &source->database->grid;
+    unsigned shift = grid_lon_shift(of, level, row);
+    int32_t around = grid_tile_cols(of, level, shift);
+    double west_deg = (double)grid->col0 * grid->lon_step_deg;
+    double east_deg = west_deg + (grid->cols - 1) * grid->lon_step_deg;
+    int64_t west = (int64_t)floor(grid_col_at(of, level, shift, west_deg) / TILE_CELLS);
+    int64_t east = (int64_t)floor(grid_col_at(of, level, shift, east_deg) / TILE_CELLS);
+    for (int64_t col = west; col <= east && col < west + around; col++) {
+        struct tile_id id = {level, row, (int32_t)(col - grid_floor_div(col, around) * around)};
+        tile_cache_want(source->cache, id, RANK_AHEAD + rank_of(source, id));
+    }
+}
+
+static void source_prefetch(struct terrain_source *terrain_source, const struct terrain_grid *grid)
+{
+    struct database_source *source = of(terrain_source);
+    int level = level_for(source, grid);
+    double south_deg = (double)grid->row0 * grid->lat_step_deg;
+    double north_deg = south_deg + (grid->rows - 1) * grid->lat_step_deg;
+    int32_t first = place_row(&source->database->grid, level, fmax(south_deg, -90.0)).tile_row;
+    int32_t last = place_row(&source->database->grid, level, fmin(north_deg, 90.0)).tile_row;
+    for (int32_t row = first; source->streams && row <= last; row++)
+        prefetch_tile_row(source, level, row, grid);
 }
 
 static void source_facts(const struct terrain_source *terrain_source,
@@ -314,27 +377,20 @@ static const struct terrain_source_ops database_source_ops = {
     .sample_point = source_sample_point,
     .facts = source_facts,
     .destroy = source_destroy,
+    .stream = source_stream,
+    .settle = source_settle,
+    .prefetch = source_prefetch,
+    .focus = source_focus,
 };
-
-int database_source_height(struct terrain_source *source, double lat_deg, double lon_deg,
-                           double *ret_height_m, double ret_normal_enu[3])
-{
-    double height_m;
-    int r = source_sample_point(source, lat_deg, lon_deg, &height_m);
-    if (r < 0)
-        return r;
-    *ret_height_m = height_m;
-    if (ret_normal_enu && isnan(height_m))
-        ret_normal_enu[0] = ret_normal_enu[1] = ret_normal_enu[2] = NAN;
-    else if (ret_normal_enu)
-        normal_at(of(source), lat_deg, lon_deg, height_m, ret_normal_enu);
-    count_tiles(of(source));
-    return 0;
-}
 
 struct database *database_of_source(struct terrain_source *source)
 {
     return source->ops == &database_source_ops ? of(source)->database : NULL;
+}
+
+struct tile_cache *tile_cache_of_source(struct terrain_source *source)
+{
+    return source->ops == &database_source_ops ? of(source)->cache : NULL;
 }
 
 int database_source_open(const char *path, unsigned cache_tiles, struct terrain_source **ret_source,

@@ -17,7 +17,7 @@ static const char schema[] =
     " unit_m REAL NOT NULL, level INTEGER NOT NULL,"
     " bytes INTEGER NOT NULL, width INTEGER NOT NULL, height INTEGER NOT NULL,"
     " south REAL NOT NULL, west REAL NOT NULL, north REAL NOT NULL, east REAL NOT NULL);"
-    "CREATE TABLE tiles(key INTEGER PRIMARY KEY, min_m REAL, max_m REAL, error_m REAL NOT NULL,"
+    "CREATE TABLE tiles(key INTEGER PRIMARY KEY, min_m REAL, max_m REAL, error_mm INTEGER NOT NULL,"
     " posts INTEGER NOT NULL, children INTEGER NOT NULL, checksum INTEGER NOT NULL,"
     " pack INTEGER, start INTEGER, size INTEGER, payload BLOB, origin BLOB);"
     "CREATE TABLE packs(id INTEGER PRIMARY KEY, bytes BLOB NOT NULL);";
@@ -223,7 +223,7 @@ int database_write_row(struct database *database, const struct tile_record *reco
     sqlite3_bind_int64(statement, 1, tile_key(record->id));
     bind_height(statement, 2, record->min_m);
     bind_height(statement, 3, record->max_m);
-    sqlite3_bind_double(statement, 4, record->error_m);
+    sqlite3_bind_int64(statement, 4, llrint(record->error_m * 1000.0));
     sqlite3_bind_int64(statement, 5, record->posts);
     sqlite3_bind_int64(statement, 6, record->children);
     sqlite3_bind_int64(statement, 7, tile_record_checksum(record));

@@ -6,6 +6,7 @@
 #include "terrain/import_internal.h"
 
 #define DEFAULT_ERROR_M 0.5
+#define UNASKED_ERROR_M 0.25 /* what is kept where nobody asked: half of what is promised */
 
 /* The next density that rasters on no grid share with those on common ones. */
 static double round_density(double density)
@@ -79,7 +80,8 @@ static void place_sources(struct import_job *job, const struct grid *grid)
 
 static double choose_step(const struct import_job *job)
 {
-    double error_m = job->database.max_error_m, unit_m = -1.0;
+    double error_m = job->params->max_error_m ? *job->params->max_error_m : UNASKED_ERROR_M;
+    double unit_m = -1.0;
     bool one_unit = true;
     for (size_t i = 0; i < job->source_count; i++) {
         double own = stored_unit_m(&job->sources[i]);

@@ -4,8 +4,6 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "base/half.h"
-
 int level_store_init(struct level_store *store, const struct clipmap_shape *shape, int level)
 {
     size_t side = 2 * (size_t)clipmap_storage(shape);
@@ -13,17 +11,15 @@ int level_store_init(struct level_store *store, const struct clipmap_shape *shap
     *store = (struct level_store){
         .shape = shape,
         .level = level,
-        .altitude_m = calloc(side * side, sizeof(*store->altitude_m)),
         .height_m = calloc(side * side, sizeof(*store->height_m)),
         .water = calloc(side * side, sizeof(*store->water)),
         .bounds = calloc(squares, sizeof(*store->bounds)),
     };
-    return store->altitude_m && store->height_m && store->water && store->bounds ? 0 : -ENOMEM;
+    return store->height_m && store->water && store->bounds ? 0 : -ENOMEM;
 }
 
 void level_store_finish(struct level_store *store)
 {
-    free(store->altitude_m);
     free(store->height_m);
     free(store->water);
     free(store->bounds);
@@ -54,18 +50,21 @@ struct terrain_grid level_store_grid(const struct level_store *store, struct cli
     };
 }
 
-void level_store_put(struct level_store *store, struct clipmap_rect rect, const float *altitude_m,
+bool level_store_put(struct level_store *store, struct clipmap_rect rect, const float *altitude_m,
                      const float *undulation_m, const bool *water)
 {
+    bool changed = false;
     for (int r = 0; r < rect.rows; r++) {
         for (int c = 0; c < rect.cols; c++) {
             size_t at = index_of(store, rect.row0 + r, rect.col0 + c);
             size_t from = (size_t)r * (size_t)rect.cols + (size_t)c;
-            store->altitude_m[at] = altitude_m[from];
-            store->height_m[at] = altitude_m[from] + undulation_m[from];
+            float height_m = altitude_m[from] + undulation_m[from];
+            changed |= store->height_m[at] != height_m || store->water[at] != water[from];
+            store->height_m[at] = height_m;
             store->water[at] = water[from];
         }
     }
+    return changed;
 }
 
 struct clipmap_rect level_store_grown(const struct level_store *store, struct clipmap_rect rect)
@@ -106,6 +105,13 @@ static float slope(const struct level_store *store, int32_t row, int32_t col, in
     return (b - a) * per_step / (float)(back + ahead);
 }
 
+/* As loader.h has it. */
+static uint8_t slope_code(float slope)
+{
+    float code = 127.0f * sqrtf(fminf(fabsf(slope) / SURFACE_STEEPEST, 1.0f));
+    return (uint8_t)(128.5f + copysignf(code, slope));
+}
+
 void level_store_export_surfaces(const struct level_store *store, struct clipmap_rect rect,
                                  struct loader_surface *ret_surfaces)
 {
@@ -121,10 +127,9 @@ void level_store_export_surfaces(const struct level_store *store, struct clipmap
             int32_t col = rect.col0 + c;
             size_t at = index_of(store, row, col);
             *ret_surfaces++ = (struct loader_surface){
-                .slope_east = half_from_float(slope(store, row, col, 0, 1, per_col)),
-                .slope_north = half_from_float(slope(store, row, col, 1, 0, per_row)),
-                .water = half_from_float(store->water[at]),
-                .altitude = half_from_float(store->altitude_m[at] * 1e-3f),
+                .slope_east = slope_code(slope(store, row, col, 0, 1, per_col)),
+                .slope_north = slope_code(slope(store, row, col, 1, 0, per_row)),
+                .water = store->water[at] ? 255 : 0,
             };
         }
     }

@@ -36,8 +36,7 @@ struct level_store {
     double lon_factor;
     bool filled;                  /* the window is all there */
     struct clipmap_window window; /* in posts */
-    float *altitude_m;            /* [2 storage][2 storage], above the geoid */
-    float *height_m;              /* the same above the ellipsoid */
+    float *height_m;              /* [2 storage][2 storage], above the ellipsoid */
     bool *water;                  /* the same */
     struct loader_bounds *bounds; /* [squares][squares], toroidal */
 };
@@ -48,8 +47,9 @@ void level_store_finish(struct level_store *store);
 /* The grid of half-posts that `rect` stands for. */
 struct terrain_grid level_store_grid(const struct level_store *store, struct clipmap_rect rect);
 
-/* Puts sampled ground ([rows][cols] of a rectangle of half-posts) in. */
-void level_store_put(struct level_store *store, struct clipmap_rect rect, const float *altitude_m,
+/* Puts sampled ground ([rows][cols] of a rectangle of half-posts, above the geoid) in. True where
+ * anything is other than it was. */
+bool level_store_put(struct level_store *store, struct clipmap_rect rect, const float *altitude_m,
                      const float *undulation_m, const bool *water);
 
 /* `rect` (half-posts) grown by one on each side, within the window: those whose slopes change when

@@ -24,11 +24,15 @@ struct loader_height {
     float own_m, coarser_m;
 };
 
-/* The ground as the surface texture holds it, twice as densely as the posts; IEEE half floats. */
+/* The ground as the surface texture holds it, twice as densely as the posts. A slope s (metres a
+ * metre) is 128 + 127 sqrt(|s| / SURFACE_STEEPEST) with the sign of s: finest where land is flat.
+ */
+#define SURFACE_STEEPEST 4.0f
+
 struct loader_surface {
-    uint16_t slope_east, slope_north; /* metres a metre */
-    uint16_t water;                   /* 0 land .. 1 water */
-    uint16_t altitude;                /* above the geoid, km */
+    uint8_t slope_east, slope_north;
+    uint8_t water; /* 0 land .. 255 water */
+    uint8_t unused;
 };
 
 /* What a level gained, to be copied into its toroidal storages; both rectangles row-major. */
@@ -49,6 +53,7 @@ struct loader_update {
     int finest;         /* the finest level that is filled */
     float ground_m;     /* ellipsoidal height of the ground below that eye */
     float undulation_m; /* of the geoid there */
+    bool late;          /* some of the windows is coarser than the source has it */
     unsigned strip_count;
     struct loader_strip strips[LOADER_MAX_STRIPS];
     struct loader_height *heights; /* in the arena */
@@ -80,8 +85,10 @@ int loader_start(const struct loader_params *params, struct loader **ret_loader,
 /* Legal on NULL. */
 void loader_stop(struct loader *loader);
 
-/* Says where the eye is and which level will be the finest. Render thread; no lock. */
-void loader_wish(struct loader *loader, double lat_deg, double lon_deg, int finest);
+/* Says where the eye is and which level will be the finest. A patient wish is answered when the
+ * source has everything; else what comes late is shown coarser at first, and further updates put it
+ * right. Render thread; no lock. */
+void loader_wish(struct loader *loader, double lat_deg, double lon_deg, int finest, bool patient);
 
 /* The next update, or NULL where none is ready. It stays the caller's until given back. */
 struct loader_update *loader_take(struct loader *loader);
@@ -96,5 +103,8 @@ bool loader_pending(const struct loader *loader);
 
 struct loader_counts {
     uint64_t tiles_loaded, read_errors, posts_sampled, updates;
+    uint64_t tile_hits, tile_misses, prefetched; /* as struct terrain_source has them */
+    uint64_t tiles_resident, tiles_pending;      /* the same */
+    double longest_late_ms;
 };
 void loader_counts(const struct loader *loader, struct loader_counts *ret_counts);

@@ -82,23 +82,33 @@ static double wrapped_cells(double x)
     return wrapped < PLANET_COLS ? wrapped : 0.0;
 }
 
+/* Posts that are sampled together: they share the bands of noise and their shares. */
+struct batch {
+    int count;
+    struct row row; /* the bands of all */
+    double x_cells[PLANET_NOISE_POSTS], y_cells[PLANET_NOISE_POSTS];
+    float pole[PLANET_NOISE_POSTS];
+    double spacing_x, spacing_y;
+};
+
 struct noise_sum {
     float ridged[PLANET_NOISE_POSTS], rolling[PLANET_NOISE_POSTS];
     float bend_x[PLANET_NOISE_POSTS], bend_y[PLANET_NOISE_POSTS];
 };
 
-static void add_band(const double *x_cells, int count, const struct row *row, int which,
-                     double spacing_y, double spacing_x, struct noise_sum *sum)
+static void add_band(const struct batch *batch, int which, struct noise_sum *sum)
 {
-    double narrow = planet_noise_bands[row->band[which]].shrink, x[PLANET_NOISE_POSTS];
-    float share = row->share[which], bend = share * row->pole, wide = (float)(1.0 / narrow);
-    for (int j = 0; j < count; j++)
-        x[j] = x_cells[j] * narrow;
-    double spacing = spacing_x * narrow > spacing_y ? spacing_x * narrow : spacing_y;
+    int band = batch->row.band[which];
+    double narrow = planet_noise_bands[band].shrink, x[PLANET_NOISE_POSTS];
+    float share = batch->row.share[which], wide = (float)(1.0 / narrow);
+    for (int j = 0; j < batch->count; j++)
+        x[j] = batch->x_cells[j] * narrow;
+    double spacing = fmax(batch->spacing_x * narrow, batch->spacing_y);
     struct planet_noise_filter filter = planet_noise_filter_for(spacing);
     struct planet_noise noise;
-    planet_noise_row(x, row->y_cells, count, row->band[which], &filter, &noise);
-    for (int j = 0; j < count; j++) {
+    planet_noise_at(x, batch->y_cells, batch->count, band, &filter, &noise);
+    for (int j = 0; j < batch->count; j++) {
+        float bend = share * batch->pole[j];
         sum->ridged[j] += share * noise.ridged[j];
         sum->rolling[j] += share * noise.rolling[j];
         sum->bend_x[j] += bend * wide * noise.bend_x[j];
@@ -115,18 +125,18 @@ static float noise_height_m(float coarse_m, float relief_m, float pole)
     return pole * full_m * room_m / (room_m + 0.6f * full_m);
 }
 
-static float post_height_m(struct planet *p, const struct row *row, double x_cells,
+static float post_height_m(struct planet *p, const struct batch *batch,
                            const struct noise_sum *noise, int j)
 {
-    double x = wrapped_cells(x_cells + (double)noise->bend_x[j]);
-    double y = row->y_cells + (double)noise->bend_y[j];
+    double x = wrapped_cells(batch->x_cells[j] + (double)noise->bend_x[j]);
+    double y = batch->y_cells[j] + (double)noise->bend_y[j];
     float coarse_m = planet_raster_interpolate(&p->grid.height_m[0], x, y, &p->height_patch);
     float relief_m = planet_raster_interpolate(&p->grid.relief, x, y, &p->relief_patch) *
                      (1.0f / PLANET_RELIEF_PER_M);
     relief_m = relief_m > 0.0f ? relief_m : 0.0f;
     float ridges = (float)smoothstep(RIDGES_FROM_M, RIDGES_ALL_M, relief_m);
     float shape = noise->rolling[j] + ridges * (noise->ridged[j] - noise->rolling[j]);
-    float height_m = coarse_m + noise_height_m(coarse_m, relief_m, row->pole) * shape;
+    float height_m = coarse_m + noise_height_m(coarse_m, relief_m, batch->pole[j]) * shape;
     return height_m > 0.0f ? height_m : 0.0f;
 }
 
@@ -145,11 +155,10 @@ static bool open_sea(const struct planet *p, double x_cells, double y_cells)
     return !(s[west] | s[east] | n[west] | n[east]);
 }
 
-static void sample_fine(struct planet *p, const struct row *row, const double *x_cells, int count,
-                        double spacing_y, double spacing_x, float *ret_height_m)
+static void sample_fine(struct planet *p, const struct batch *batch, float *ret_height_m)
 {
-    int sea = 0;
-    while (sea < count && open_sea(p, x_cells[sea], row->y_cells))
+    int sea = 0, count = batch->count;
+    while (sea < count && open_sea(p, batch->x_cells[sea], batch->y_cells[sea]))
         ret_height_m[sea++] = 0.0f;
     if (sea == count)
         return;
@@ -157,21 +166,35 @@ static void sample_fine(struct planet *p, const struct row *row, const double *x
     for (int j = 0; j < count; j++)
         sum.ridged[j] = sum.rolling[j] = sum.bend_x[j] = sum.bend_y[j] = 0.0f;
     for (int i = 0; i < 2; i++)
-        if (row->share[i] > 0.0f)
-            add_band(x_cells, count, row, i, spacing_y, spacing_x, &sum);
+        if (batch->row.share[i] > 0.0f)
+            add_band(batch, i, &sum);
     for (int j = 0; j < count; j++)
-        ret_height_m[j] = post_height_m(p, row, x_cells[j], &sum, j);
+        ret_height_m[j] = post_height_m(p, batch, &sum, j);
 }
 
 /* Grids coarser than the planet's own: no noise, an averaged raster. */
-static void sample_coarse(struct planet *p, const struct row *row, const double *x_cells, int count,
-                          int mip, float *ret_height_m)
+static void sample_coarse(struct planet *p, const struct batch *batch, int mip, float *ret_height_m)
 {
-    for (int j = 0; j < count; j++) {
-        float height_m = planet_raster_interpolate(&p->grid.height_m[mip], x_cells[j], row->y_cells,
-                                                   &p->mip_patches[mip]);
+    for (int j = 0; j < batch->count; j++) {
+        float height_m = planet_raster_interpolate(&p->grid.height_m[mip], batch->x_cells[j],
+                                                   batch->y_cells[j], &p->mip_patches[mip]);
         ret_height_m[j] = height_m > 0.0f ? height_m : 0.0f;
     }
+}
+
+static void sample_batch(struct planet *p, struct batch *batch, int mip, float *ret_height_m)
+{
+    if (mip > 0)
+        sample_coarse(p, batch, mip, ret_height_m);
+    else
+        sample_fine(p, batch, ret_height_m);
+    batch->count = 0;
+}
+
+static bool same_bands(const struct row *a, const struct row *b)
+{
+    return a->band[0] == b->band[0] && a->band[1] == b->band[1] && a->share[0] == b->share[0] &&
+           a->share[1] == b->share[1];
 }
 
 static int mip_for(double spacing_cells)
@@ -191,21 +214,26 @@ static int planet_sample_grid(struct terrain_source *source, const struct terrai
     if (!(step_y > 0.0) || !(step_x > 0.0) || !isfinite(step_y) || !isfinite(step_x))
         return -EINVAL;
     int mip = mip_for(step_y);
+    struct batch batch = {.spacing_x = step_x, .spacing_y = step_y};
+    float *heights_m = ret_height_m; /* where the batch begins */
     for (int r = 0; r < grid->rows; r++) {
         struct row row = row_at((double)(grid->row0 + r) * step_y + 90 * PLANET_CELLS_PER_DEG);
-        float *heights_m = ret_height_m + (size_t)r * (size_t)grid->cols;
-        for (int c = 0; c < grid->cols; c += PLANET_NOISE_POSTS) {
-            double x[PLANET_NOISE_POSTS];
-            int count = grid->cols - c < PLANET_NOISE_POSTS ? grid->cols - c : PLANET_NOISE_POSTS;
-            for (int j = 0; j < count; j++)
-                x[j] = wrapped_cells((double)(grid->col0 + c + j) * step_x +
-                                     180 * PLANET_CELLS_PER_DEG);
-            if (mip > 0)
-                sample_coarse(p, &row, x, count, mip, heights_m + c);
-            else
-                sample_fine(p, &row, x, count, step_y, step_x, heights_m + c);
+        for (int c = 0; c < grid->cols; c++) {
+            int count = batch.count;
+            if (count == PLANET_NOISE_POSTS || (count > 0 && !same_bands(&batch.row, &row))) {
+                sample_batch(p, &batch, mip, heights_m);
+                heights_m += count;
+                count = 0;
+            }
+            batch.row = row;
+            batch.x_cells[count] =
+                wrapped_cells((double)(grid->col0 + c) * step_x + 180 * PLANET_CELLS_PER_DEG);
+            batch.y_cells[count] = row.y_cells;
+            batch.pole[count] = row.pole;
+            batch.count++;
         }
     }
+    sample_batch(p, &batch, mip, heights_m);
     return 0;
 }
 

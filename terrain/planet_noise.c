@@ -102,11 +102,15 @@ static struct lattice lattice_of(int octave, int band)
     };
 }
 
-static void evaluate_octave(const struct lattice *l, const double *restrict x, double y, int count,
-                            const struct chain *restrict chain, struct octave *restrict ret)
+/* Into planet_noise_at, so that its wider vectors are theirs. */
+#define INLINED inline __attribute__((always_inline))
+
+static INLINED void evaluate_octave(const struct lattice *l, const double *restrict x,
+                                    const double *restrict y, int count,
+                                    const struct chain *restrict chain, struct octave *restrict ret)
 {
     for (int j = 0; j < count; j++) {
-        double px = x[j] + (double)chain->shift_x[j], py = y + (double)chain->shift_y[j];
+        double px = x[j] + (double)chain->shift_x[j], py = y[j] + (double)chain->shift_y[j];
         double u = l->scale * (px + l->turn * py) + l->offset_u;
         double v = l->scale * (py - l->turn * px) + l->lift;
         int32_t iu = (int32_t)u, iv = (int32_t)v;
@@ -144,8 +148,8 @@ static void evaluate_octave(const struct lattice *l, const double *restrict x, d
 }
 
 /* All octaves, as hills, and what they push the coarse grid aside. */
-static void add_hills(const struct octave *restrict o, int count, int octave, float shown,
-                      float share, struct planet_noise *restrict ret)
+static INLINED void add_hills(const struct octave *restrict o, int count, int octave, float shown,
+                              float share, struct planet_noise *restrict ret)
 {
     const float *aside = bend_directions[octave & 3];
     float bend = octave < COARSE_BENDERS ? COARSE_BEND * share / (float)(1 << octave) : 0.0f;
@@ -158,8 +162,8 @@ static void add_hills(const struct octave *restrict o, int count, int octave, fl
 
 /* The first octave makes no ridges, for the coarse grid has the great ones: it lifts some of them
  * over others and swirls those to come. */
-static void begin_ridges(const struct octave *restrict o, int count, float share,
-                         struct chain *restrict chain, struct planet_noise *restrict ret)
+static INLINED void begin_ridges(const struct octave *restrict o, int count, float share,
+                                 struct chain *restrict chain, struct planet_noise *restrict ret)
 {
     for (int j = 0; j < count; j++) {
         ret->ridged[j] += FIRST_LIFT * share * o->value[j];
@@ -168,8 +172,9 @@ static void begin_ridges(const struct octave *restrict o, int count, float share
     }
 }
 
-static void add_ridges(const struct octave *restrict o, int count, int octave, float shown,
-                       float share, struct chain *restrict chain, struct planet_noise *restrict ret)
+static INLINED void add_ridges(const struct octave *restrict o, int count, int octave, float shown,
+                               float share, struct chain *restrict chain,
+                               struct planet_noise *restrict ret)
 {
     float cell = 1.0f / (float)(1 << octave);
     float ridge_bend = RIDGE_BEND * cell * share;
@@ -195,8 +200,8 @@ static void add_ridges(const struct octave *restrict o, int count, int octave, f
 #else
 #define WIDE
 #endif
-WIDE void planet_noise_row(const double *x, double y, int count, int band,
-                           const struct planet_noise_filter *filter, struct planet_noise *ret)
+WIDE void planet_noise_at(const double *x, const double *y, int count, int band,
+                          const struct planet_noise_filter *filter, struct planet_noise *ret)
 {
     struct chain chain;
     struct octave octave;

@@ -37,6 +37,6 @@ struct planet_noise {
     float bend_y[PLANET_NOISE_POSTS];  /* the post, in cells (x after shrinking) */
 };
 
-/* `count` posts at x[] (0 <= x < 4320 * shrink of the band) and y. */
-void planet_noise_row(const double *x, double y, int count, int band,
-                      const struct planet_noise_filter *filter, struct planet_noise *ret);
+/* `count` posts at x[] (0 <= x < 4320 * shrink of the band) and y[]. */
+void planet_noise_at(const double *x, const double *y, int count, int band,
+                     const struct planet_noise_filter *filter, struct planet_noise *ret);

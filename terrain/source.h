@@ -6,6 +6,8 @@
 
 #include <stdint.h>
 
+#include "base/diag.h"
+
 /* Posts at latitude (row0 + r) * lat_step_deg, r = 0 .. rows - 1, and longitude
  * (col0 + c) * lon_step_deg, c = 0 .. cols - 1. Rows run northwards. Longitude is not reduced: a
  * grid may run across the antimeridian (col * step beyond 180); latitudes beyond the poles ask for
@@ -23,12 +25,16 @@ struct terrain_facts {
     const char *name;
 };
 
+enum terrain_sample {
+    TERRAIN_LATE = 1, /* some heights are coarser than the source has them: ask again */
+};
+
 struct terrain_source;
 
 struct terrain_source_ops {
     /* Fills ret_height_m[rows][cols] with orthometric heights (metres above the EGM96 geoid);
-     * NaN where the source has none. Returns 0 or -errno; a tile that cannot be read makes its
-     * posts NaN and is counted, not returned. */
+     * NaN where the source has none. Returns 0, -errno, or, once `stream` was
+     * called, TERRAIN_LATE; a tile that cannot be read is counted, not returned. */
     int (*sample_grid)(struct terrain_source *source, const struct terrain_grid *grid,
                        float *ret_height_m);
     /* The height of the finest surface at one place (bilinear between the four posts around it);
@@ -37,13 +43,30 @@ struct terrain_source_ops {
                         double *ret_height_m);
     void (*facts)(const struct terrain_source *source, struct terrain_facts *ret_facts);
     void (*destroy)(struct terrain_source *source);
+
+    /* For sources that read from a disk; NULL where heights are always at hand. */
+    /* From now on sampling does not wait; `arrived` is called, by any thread, when there is more to
+     * be had than the last time. Returns 0 or -errno. */
+    int (*stream)(struct terrain_source *source, void (*arrived)(void *user), void *user,
+                  struct diag *diag);
+    /* Waits until what was late can be sampled. */
+    void (*settle)(struct terrain_source *source);
+    /* Asks for what a grid will need; what is nearer to the focus comes first. */
+    void (*prefetch)(struct terrain_source *source, const struct terrain_grid *grid);
+    void (*focus)(struct terrain_source *source, double lat_deg, double lon_deg);
 };
 
 /* Embedded first in each implementation. One thread at a time may use a source. */
 struct terrain_source {
     const struct terrain_source_ops *ops;
-    uint64_t tiles_loaded; /* read and decoded since the source was opened */
-    uint64_t read_errors;  /* tiles that could not be */
+    /* Since the source was opened; of interest where it reads from a disk. */
+    uint64_t tiles_loaded;                  /* read and decoded */
+    uint64_t read_errors;                   /* tiles that could not be */
+    uint64_t tile_hits;                     /* asked for and there */
+    uint64_t tile_misses;                   /* asked for and not yet there */
+    uint64_t prefetched;                    /* decoded before they were missed */
+    uint32_t tiles_resident, tiles_pending; /* now: decoded; missed and not yet there */
+    double longest_late_ms;                 /* from the first miss of a tile to its coming */
 };
 
 /* Legal on NULL. */

@@ -2,31 +2,36 @@
 
 #include <errno.h>
 #include <math.h>
+#include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "terrain/block.h"
-#include "terrain/height_step.h"
+#include "base/clock.h"
+#include "terrain/tile_table.h"
 
-#define NONE         UINT32_MAX
 #define CAPACITY_MIN 64 /* more than twice the levels: a tile's ancestors stay while it is made */
+#define FORGOTTEN_NS NSEC_PER_SEC
 
-struct entry {
-    struct tile_id id;
-    float *heights_m; /* owned; kept when the entry is reused */
-    int status;       /* 0, DATABASE_ABSENT or -errno */
-    bool present;     /* false: no heights at all */
-    uint8_t children; /* of its record, where it has one */
-    uint32_t newer, older, chain;
+struct worker {
+    struct tile_cache *cache;
+    struct database *database;
+    float *heights_m; /* of the tile being made; changes places with the entry's */
+    pthread_t thread;
 };
 
 struct tile_cache {
     struct database *database;
-    struct entry *entries;
-    uint32_t *buckets; /* bucket_count, a power of two: first entry of each chain */
-    uint32_t capacity, count, bucket_count, newest, oldest;
-    uint64_t loaded, errors;
-    int32_t *symbols; /* two tiles: a parent's, its child's */
+    struct worker workers[TILE_CACHE_WORKERS_MAX];
+    unsigned worker_count;
+    void (*arrived)(void *user);
+    void *user;
+
+    pthread_mutex_t lock; /* of all below */
+    pthread_cond_t wanted, made, unpinned;
+    bool stopping;
+    struct tile_table table;
+    uint32_t held; /* by the last look; TILE_NONE */
+    struct tile_cache_counts counts;
 };
 
 int tile_cache_create(struct database *database, unsigned capacity, struct tile_cache **ret_cache)
@@ -35,189 +40,397 @@ int tile_cache_create(struct database *database, unsigned capacity, struct tile_
     if (!cache)
         return -ENOMEM;
     cache->database = database;
-    cache->capacity = capacity < CAPACITY_MIN ? CAPACITY_MIN : capacity;
-    cache->newest = cache->oldest = NONE;
-    for (cache->bucket_count = 32; cache->bucket_count < 2 * cache->capacity;)
-        cache->bucket_count *= 2;
-    cache->entries = calloc(cache->capacity, sizeof(*cache->entries));
-    cache->buckets = malloc(cache->bucket_count * sizeof(*cache->buckets));
-    cache->symbols = malloc(2 * TILE_POST_COUNT * sizeof(*cache->symbols));
-    if (!cache->entries || !cache->buckets || !cache->symbols) {
+    cache->held = TILE_NONE;
+    pthread_mutex_init(&cache->lock, NULL);
+    pthread_cond_init(&cache->wanted, NULL);
+    pthread_cond_init(&cache->made, NULL);
+    pthread_cond_init(&cache->unpinned, NULL);
+    int r = tile_table_init(&cache->table, capacity < CAPACITY_MIN ? CAPACITY_MIN : capacity);
+    if (r < 0) {
         tile_cache_destroy(cache);
-        return -ENOMEM;
+        return r;
     }
-    memset(cache->buckets, 0xff, cache->bucket_count * sizeof(*cache->buckets));
     *ret_cache = cache;
     return 0;
+}
+
+static void stop_workers(struct tile_cache *cache)
+{
+    pthread_mutex_lock(&cache->lock);
+    cache->stopping = true;
+    pthread_cond_broadcast(&cache->wanted);
+    pthread_mutex_unlock(&cache->lock);
+    for (unsigned i = 0; i < cache->worker_count; i++) {
+        pthread_join(cache->workers[i].thread, NULL);
+        database_close(cache->workers[i].database);
+        free(cache->workers[i].heights_m);
+    }
+    cache->worker_count = 0;
 }
 
 void tile_cache_destroy(struct tile_cache *cache)
 {
     if (!cache)
         return;
-    for (uint32_t i = 0; cache->entries && i < cache->count; i++)
-        free(cache->entries[i].heights_m);
-    free(cache->entries);
-    free(cache->buckets);
-    free(cache->symbols);
+    stop_workers(cache);
+    tile_table_finish(&cache->table);
+    pthread_cond_destroy(&cache->wanted);
+    pthread_cond_destroy(&cache->made);
+    pthread_cond_destroy(&cache->unpinned);
+    pthread_mutex_destroy(&cache->lock);
     free(cache);
 }
 
-uint64_t tile_cache_loaded(const struct tile_cache *cache)
+static bool is_top(const struct tile_cache *cache, struct tile_id id)
 {
-    return cache->loaded;
+    return id.level >= database_top_level(cache->database);
 }
 
-uint64_t tile_cache_errors(const struct tile_cache *cache)
+static struct tile_id parent_of(const struct tile_cache *cache, struct tile_id id)
 {
-    return cache->errors;
+    return grid_parent(database_grid(cache->database), id);
 }
 
-static uint32_t bucket_of(const struct tile_cache *cache, struct tile_id id)
+static struct tile_entry *entry_at(struct tile_cache *cache, uint32_t index)
 {
-    uint64_t key =
-        ((uint64_t)(uint32_t)id.row << 32 | (uint32_t)id.col) + (uint64_t)id.level * 0x9e37;
-    return (uint32_t)(key * UINT64_C(0x9e3779b97f4a7c15) >> 32) & (cache->bucket_count - 1);
+    return &cache->table.entries[index];
 }
 
-static bool same_tile(struct tile_id a, struct tile_id b)
+/* The tile's entry, made where there is none; TILE_NONE where there is no room. */
+static uint32_t entry_of(struct tile_cache *cache, struct tile_id id)
 {
-    return a.level == b.level && a.row == b.row && a.col == b.col;
-}
-
-static void unlink_entry(struct tile_cache *cache, uint32_t index)
-{
-    struct entry *entry = &cache->entries[index];
-    *(entry->newer == NONE ? &cache->newest : &cache->entries[entry->newer].older) = entry->older;
-    *(entry->older == NONE ? &cache->oldest : &cache->entries[entry->older].newer) = entry->newer;
-}
-
-static void link_newest(struct tile_cache *cache, uint32_t index)
-{
-    struct entry *entry = &cache->entries[index];
-    entry->newer = NONE;
-    entry->older = cache->newest;
-    *(cache->newest == NONE ? &cache->oldest : &cache->entries[cache->newest].newer) = index;
-    cache->newest = index;
-}
-
-static void unchain(struct tile_cache *cache, uint32_t index)
-{
-    uint32_t *at = &cache->buckets[bucket_of(cache, cache->entries[index].id)];
-    while (*at != index)
-        at = &cache->entries[*at].chain;
-    *at = cache->entries[index].chain;
-}
-
-static uint32_t find_entry(const struct tile_cache *cache, struct tile_id id)
-{
-    uint32_t index = cache->buckets[bucket_of(cache, id)];
-    while (index != NONE && !same_tile(cache->entries[index].id, id))
-        index = cache->entries[index].chain;
+    uint32_t index = tile_table_find(&cache->table, id);
+    if (index == TILE_NONE)
+        return tile_table_add(&cache->table, id);
+    tile_table_touch(&cache->table, index);
     return index;
 }
 
-/* A free entry, linked as the newest but not yet chained; NONE without memory. */
-static uint32_t take_entry(struct tile_cache *cache)
+static void count_made(struct tile_cache *cache, const struct tile_content *content)
 {
-    uint32_t index;
-    if (cache->count < cache->capacity) {
-        index = cache->count;
-        cache->entries[index].heights_m = malloc(TILE_POST_COUNT * sizeof(float));
-        if (!cache->entries[index].heights_m)
-            return NONE;
-        cache->count++;
-    } else {
-        index = cache->oldest;
-        unchain(cache, index);
-        unlink_entry(cache, index);
+    cache->counts.loaded += content->status == 0;
+    cache->counts.errors += content->status < 0;
+}
+
+/* Decodes a tile and what it needs for it here and now. */
+static uint32_t make_now(struct tile_cache *cache, struct tile_id id)
+{
+    uint32_t index = entry_of(cache, id), above = TILE_NONE;
+    if (index == TILE_NONE || entry_at(cache, index)->state == TILE_READY)
+        return index;
+    struct tile_entry *entry = entry_at(cache, index);
+    entry->pins++;
+    if (!is_top(cache, id))
+        above = make_now(cache, parent_of(cache, id));
+    entry->pins--;
+    if (above == TILE_NONE && !is_top(cache, id))
+        return TILE_NONE;
+    tile_make(cache->database, id, above == TILE_NONE ? NULL : &entry_at(cache, above)->content,
+              &entry->content);
+    entry->state = TILE_READY;
+    cache->table.ready++;
+    count_made(cache, &entry->content);
+    return index;
+}
+
+static void want(struct tile_cache *cache, struct tile_entry *entry, float rank)
+{
+    entry->rank = fminf(rank, entry->rank);
+    entry->wanted_ns = clock_monotonic_ns();
+    pthread_cond_signal(&cache->wanted);
+}
+
+/* Lets a worker make it. */
+static uint32_t make_elsewhere(struct tile_cache *cache, struct tile_id id)
+{
+    uint32_t index = entry_of(cache, id);
+    while (index != TILE_NONE && entry_at(cache, index)->state != TILE_READY) {
+        want(cache, entry_at(cache, index), -INFINITY);
+        pthread_cond_wait(&cache->made, &cache->lock);
+        index = entry_of(cache, id);
     }
-    link_newest(cache, index);
     return index;
 }
 
-/* Reads and decodes a tile; its parent's heights give its parent's symbols back. */
-static int decode_tile(struct tile_cache *cache, struct entry *entry, const float *parent)
+static void unpin(struct tile_cache *cache, uint32_t index)
 {
-    const struct grid *grid = database_grid(cache->database);
-    double step_m = database_step_m(cache->database);
-    int32_t *parent_symbols = parent ? cache->symbols + TILE_POST_COUNT : NULL;
-    struct tile_record record = {.payload_size = 0};
-    int r = database_read_record(cache->database, entry->id, &record, NULL);
-    if (r != 0)
-        return r;
-    if (parent)
-        symbols_from_heights(parent, TILE_POST_COUNT, step_m, parent_symbols);
-    r = tile_record_decode(&record, grid, parent_symbols, cache->symbols, NULL);
-    if (r == 0)
-        heights_from_symbols(cache->symbols, TILE_POST_COUNT, step_m, entry->heights_m);
-    entry->children = record.children;
-    tile_record_finish(&record);
-    return r;
+    if (--entry_at(cache, index)->pins == 0 && entry_at(cache, index)->busy)
+        pthread_cond_broadcast(&cache->unpinned);
 }
 
-/* What a tile is, given what its parent is (NULL: it is on the top level). */
-static int load_heights(struct tile_cache *cache, struct entry *entry, const struct entry *parent)
+static uint32_t make(struct tile_cache *cache, struct tile_id id)
 {
-    const struct grid *grid = database_grid(cache->database);
-    bool expected =
-        parent && parent->status == 0 && parent->children & tile_child_bit(grid, entry->id);
-    int status = !parent || expected  ? decode_tile(cache, entry, parent ? parent->heights_m : NULL)
-                 : parent->status < 0 ? parent->status
-                                      : DATABASE_ABSENT;
-    if (expected && status == DATABASE_ABSENT)
-        status = -EBADMSG;
-    entry->present = status == 0 || (parent && parent->present &&
-                                     block_heights_from_parent(grid, entry->id, parent->heights_m,
-                                                               entry->heights_m));
-    return status;
-}
-
-static uint32_t load_entry(struct tile_cache *cache, struct tile_id id)
-{
-    uint32_t above = NONE;
-    if (id.level < database_top_level(cache->database)) {
-        struct tile_id up = grid_parent(database_grid(cache->database), id);
-        int status;
-        (void)tile_cache_look(cache, up, &status);
-        above = find_entry(cache, up);
-        if (above == NONE)
-            return NONE;
-    }
-    uint32_t index = take_entry(cache); /* never the parent: that is the newest */
-    if (index == NONE)
-        return NONE;
-    struct entry *entry = &cache->entries[index];
-    entry->id = id;
-    entry->children = 0;
-    uint32_t *bucket = &cache->buckets[bucket_of(cache, id)];
-    entry->chain = *bucket;
-    *bucket = index;
-    entry->status = load_heights(cache, entry, above == NONE ? NULL : &cache->entries[above]);
-    cache->loaded += entry->status == 0;
-    cache->errors += entry->status < 0;
-    return index;
+    return cache->worker_count > 0 ? make_elsewhere(cache, id) : make_now(cache, id);
 }
 
 const float *tile_cache_look(struct tile_cache *cache, struct tile_id id, int *ret_status)
 {
-    uint32_t index = find_entry(cache, id);
-    if (index == NONE) {
-        index = load_entry(cache, id);
-        *ret_status = -ENOMEM;
-        if (index == NONE)
-            return NULL;
+    const float *heights_m = NULL;
+    *ret_status = -ENOMEM;
+    pthread_mutex_lock(&cache->lock);
+    if (cache->held != TILE_NONE)
+        unpin(cache, cache->held);
+    cache->held = make(cache, id);
+    if (cache->held != TILE_NONE) {
+        struct tile_entry *entry = entry_at(cache, cache->held);
+        entry->pins++;
+        *ret_status = entry->content.status;
+        heights_m = entry->content.present ? entry->content.heights_m : NULL;
     }
-    if (cache->newest != index) {
-        unlink_entry(cache, index);
-        link_newest(cache, index);
-    }
-    *ret_status = cache->entries[index].status;
-    return cache->entries[index].present ? cache->entries[index].heights_m : NULL;
+    pthread_mutex_unlock(&cache->lock);
+    return heights_m;
 }
 
-const float *tile_cache_get(struct tile_cache *cache, struct tile_id id)
+static struct tile_pin pin_entry(struct tile_cache *cache, uint32_t index)
 {
-    int status;
-    return tile_cache_look(cache, id, &status);
+    struct tile_pin pin = {.entry = index, .late = true};
+    if (index != TILE_NONE) {
+        struct tile_entry *entry = entry_at(cache, index);
+        entry->pins++;
+        pin.heights_m = entry->content.present ? entry->content.heights_m : NULL;
+        pin.late = entry->state != TILE_READY;
+        pin.bounds = entry->content.bounds;
+    }
+    return pin;
+}
+
+int tile_cache_pin_made(struct tile_cache *cache, struct tile_id id, struct tile_pin *ret_pin)
+{
+    pthread_mutex_lock(&cache->lock);
+    *ret_pin = pin_entry(cache, make(cache, id));
+    pthread_mutex_unlock(&cache->lock);
+    return ret_pin->entry == TILE_NONE ? -ENOMEM : 0;
+}
+
+bool tile_cache_streams(const struct tile_cache *cache)
+{
+    return cache->worker_count > 0;
+}
+
+/* The tile's entry with something to show, from its parent where need be. */
+static uint32_t show_now(struct tile_cache *cache, struct tile_id id)
+{
+    uint32_t index = entry_of(cache, id);
+    if (index == TILE_NONE || entry_at(cache, index)->state != TILE_EMPTY || is_top(cache, id))
+        return index;
+    struct tile_entry *entry = entry_at(cache, index);
+    entry->pins++;
+    uint32_t above = show_now(cache, parent_of(cache, id));
+    unpin(cache, index);
+    if (above == TILE_NONE || entry->state != TILE_EMPTY)
+        return index;
+    tile_make_coarse(database_grid(cache->database), id, &entry_at(cache, above)->content,
+                     &entry->content);
+    entry->state = entry->content.present ? TILE_COARSE : TILE_EMPTY;
+    return index;
+}
+
+void tile_cache_pin(struct tile_cache *cache, struct tile_id id, float rank,
+                    struct tile_pin *ret_pin)
+{
+    pthread_mutex_lock(&cache->lock);
+    uint32_t index = show_now(cache, id);
+    *ret_pin = pin_entry(cache, index);
+    if (index != TILE_NONE) {
+        struct tile_entry *entry = entry_at(cache, index);
+        cache->counts.hits += !ret_pin->late;
+        cache->counts.late += ret_pin->late;
+        if (ret_pin->late) {
+            want(cache, entry, rank);
+            if (!entry->late_ns) {
+                entry->late_ns = entry->wanted_ns;
+                cache->table.late++;
+            }
+        }
+    }
+    pthread_mutex_unlock(&cache->lock);
+}
+
+void tile_cache_unpin(struct tile_cache *cache, const struct tile_pin *pin)
+{
+    if (pin->entry == TILE_NONE)
+        return;
+    pthread_mutex_lock(&cache->lock);
+    unpin(cache, pin->entry);
+    pthread_mutex_unlock(&cache->lock);
+}
+
+void tile_cache_want(struct tile_cache *cache, struct tile_id id, float rank)
+{
+    pthread_mutex_lock(&cache->lock);
+    uint32_t index = entry_of(cache, id);
+    if (index != TILE_NONE && entry_at(cache, index)->state != TILE_READY)
+        want(cache, entry_at(cache, index), rank);
+    pthread_mutex_unlock(&cache->lock);
+}
+
+void tile_cache_settle(struct tile_cache *cache)
+{
+    pthread_mutex_lock(&cache->lock);
+    while (cache->table.late > 0)
+        pthread_cond_wait(&cache->made, &cache->lock);
+    pthread_mutex_unlock(&cache->lock);
+}
+
+void tile_cache_counts(struct tile_cache *cache, struct tile_cache_counts *ret_counts)
+{
+    pthread_mutex_lock(&cache->lock);
+    *ret_counts = cache->counts;
+    ret_counts->resident = cache->table.ready;
+    ret_counts->pending = cache->table.late;
+    pthread_mutex_unlock(&cache->lock);
+}
+
+/* The coarsest ancestor of a tile (or the tile) that is not ready; TILE_NONE where another worker
+ * makes it. */
+static uint32_t first_to_make(struct tile_cache *cache, uint32_t index)
+{
+    while (!entry_at(cache, index)->busy && !is_top(cache, entry_at(cache, index)->id)) {
+        uint32_t above;
+        entry_at(cache, index)->pins++;
+        above = entry_of(cache, parent_of(cache, entry_at(cache, index)->id));
+        unpin(cache, index);
+        if (above == TILE_NONE)
+            return TILE_NONE;
+        if (entry_at(cache, above)->state == TILE_READY)
+            return index;
+        index = above;
+    }
+    return entry_at(cache, index)->busy ? TILE_NONE : index;
+}
+
+/* Nobody has asked for it for a while: whoever needed it is elsewhere. */
+static void forget(struct tile_cache *cache, struct tile_entry *entry)
+{
+    entry->rank = INFINITY;
+    if (entry->late_ns) {
+        entry->late_ns = 0;
+        cache->table.late--;
+        pthread_cond_broadcast(&cache->made); /* for who waits until nothing is late */
+    }
+}
+
+/* The tile to make next: the one of lowest rank that no other worker stands before. */
+static uint32_t choose(struct tile_cache *cache)
+{
+    int64_t oldest_ns = clock_monotonic_ns() - FORGOTTEN_NS;
+    float above_rank = NAN;
+    for (;;) {
+        uint32_t best = TILE_NONE;
+        for (uint32_t i = 0; i < cache->table.count; i++) {
+            struct tile_entry *entry = entry_at(cache, i);
+            if (entry->rank < INFINITY && entry->wanted_ns < oldest_ns && !entry->busy)
+                forget(cache, entry);
+            if (!(entry->rank <= above_rank) && entry->rank < INFINITY && !entry->busy &&
+                (best == TILE_NONE || entry->rank < entry_at(cache, best)->rank))
+                best = i;
+        }
+        if (best == TILE_NONE)
+            return TILE_NONE;
+        above_rank = entry_at(cache, best)->rank;
+        uint32_t index = first_to_make(cache, best);
+        if (index != TILE_NONE)
+            return index;
+    }
+}
+
+/* Puts what the worker made in, once nobody reads what was there before. */
+static void publish(struct worker *worker, uint32_t index, const struct tile_content *content)
+{
+    struct tile_cache *cache = worker->cache;
+    struct tile_entry *entry = entry_at(cache, index);
+    while (entry->pins > 0)
+        pthread_cond_wait(&cache->unpinned, &cache->lock);
+    worker->heights_m = entry->content.heights_m;
+    entry->content = *content;
+    entry->state = TILE_READY;
+    cache->table.ready++;
+    entry->busy = false;
+    entry->rank = INFINITY;
+    count_made(cache, content);
+    if (entry->late_ns) {
+        double late_ms = milliseconds_from_ns(clock_monotonic_ns() - entry->late_ns);
+        cache->counts.longest_late_ms = fmax(cache->counts.longest_late_ms, late_ms);
+        cache->table.late--;
+    } else {
+        cache->counts.prefetched += content->status == 0;
+    }
+    entry->late_ns = 0;
+    pthread_cond_broadcast(&cache->made);
+    pthread_cond_broadcast(&cache->wanted); /* what waited for this tile */
+}
+
+static void make_one(struct worker *worker, uint32_t index)
+{
+    struct tile_cache *cache = worker->cache;
+    struct tile_entry *entry = entry_at(cache, index);
+    struct tile_id id = entry->id;
+    uint32_t above = TILE_NONE;
+    struct tile_content parent, content = {.heights_m = worker->heights_m};
+    entry->busy = true;
+    if (!is_top(cache, id)) {
+        above = tile_table_find(&cache->table, parent_of(cache, id));
+        entry_at(cache, above)->pins++;
+        parent = entry_at(cache, above)->content;
+    }
+    pthread_mutex_unlock(&cache->lock);
+    tile_make(worker->database, id, above == TILE_NONE ? NULL : &parent, &content);
+    pthread_mutex_lock(&cache->lock);
+    if (above != TILE_NONE)
+        unpin(cache, above);
+    publish(worker, index, &content);
+}
+
+static void *worker_main(void *data)
+{
+    struct worker *worker = data;
+    struct tile_cache *cache = worker->cache;
+    pthread_mutex_lock(&cache->lock);
+    while (!cache->stopping) {
+        uint32_t index = choose(cache);
+        if (index == TILE_NONE) {
+            pthread_cond_wait(&cache->wanted, &cache->lock);
+            continue;
+        }
+        make_one(worker, index);
+        pthread_mutex_unlock(&cache->lock);
+        cache->arrived(cache->user);
+        pthread_mutex_lock(&cache->lock);
+    }
+    pthread_mutex_unlock(&cache->lock);
+    return NULL;
+}
+
+static int start_worker(struct tile_cache *cache, struct diag *diag)
+{
+    struct worker *worker = &cache->workers[cache->worker_count];
+    worker->cache = cache;
+    worker->heights_m = malloc(TILE_CACHE_BYTES_PER_TILE);
+    int r = worker->heights_m ? 0 : diag_set(diag, -ENOMEM, "no memory for a tile worker");
+    if (r == 0)
+        r = database_open(database_path(cache->database), &worker->database, diag);
+    if (r == 0) {
+        r = -pthread_create(&worker->thread, NULL, worker_main, worker);
+        if (r < 0)
+            diag_set(diag, r, "cannot start a tile worker: %s", strerror(-r));
+    }
+    if (r < 0) {
+        database_close(worker->database);
+        free(worker->heights_m);
+        return r;
+    }
+    pthread_setname_np(worker->thread, "otwd-tiles");
+    cache->worker_count++;
+    return 0;
+}
+
+int tile_cache_start(struct tile_cache *cache, unsigned workers, void (*arrived)(void *user),
+                     void *user, struct diag *diag)
+{
+    int r = 0;
+    cache->arrived = arrived;
+    cache->user = user;
+    for (unsigned i = 0; r == 0 && i < workers && i < TILE_CACHE_WORKERS_MAX; i++)
+        r = start_worker(cache, diag);
+    return r;
 }

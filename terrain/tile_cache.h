@@ -2,27 +2,70 @@
  *
  * A tile is decoded against its parent, so its ancestors are fetched before it. A tile that is
  * damaged, or missing although its parent says that it is there, or whose parent is, is made from
- * its parent: coarser, but no hole. So is a tile where the database ends at a coarser level. One
- * thread. */
+ * its parent: coarser, but no hole. So is a tile where the database ends at a coarser level.
+ *
+ * Without workers whoever looks at a tile waits until it is decoded. With workers a reader can pin
+ * instead: a tile that is not there yet is made from its parent at once, and the workers make the
+ * wanted ones, ancestors first, in the order of their ranks. */
 #pragma once
 
 #include <stdint.h>
 
-#include "terrain/database.h"
+#include "terrain/tile_make.h"
+
+#define TILE_CACHE_BYTES_PER_TILE (TILE_POST_COUNT * sizeof(float))
+#define TILE_CACHE_WORKERS_MAX    16
 
 struct tile_cache;
 
 /* Borrows the database. `capacity` tiles, at least 64. Returns 0 or -ENOMEM. */
 int tile_cache_create(struct database *database, unsigned capacity, struct tile_cache **ret_cache);
+/* Stops the workers. No tile may be pinned. Legal on NULL. */
 void tile_cache_destroy(struct tile_cache *cache);
 
-/* TILE_POST_COUNT heights, or NULL where there is no data; valid until the next call. */
-const float *tile_cache_get(struct tile_cache *cache, struct tile_id id);
+/* Starts threads "otwd-tiles", each with a handle of its own on the database's file; `arrived` is
+ * called by them after each tile that somebody lacked. Once, before any other thread uses the
+ * cache. Returns 0 or -errno. */
+int tile_cache_start(struct tile_cache *cache, unsigned workers, void (*arrived)(void *user),
+                     void *user, struct diag *diag);
 
-/* The same, and in `ret_status` 0 (the tile itself), DATABASE_ABSENT (there is none: made from its
- * parent) or -errno (it cannot be read, or its parent cannot). */
+/* TILE_POST_COUNT heights, or NULL where there is no data; valid until the next look. Waits. In
+ * `ret_status` 0 (the tile itself), DATABASE_ABSENT (there is none: made from its parent) or -errno
+ * (it cannot be read, or its parent cannot). One thread at a time. */
 const float *tile_cache_look(struct tile_cache *cache, struct tile_id id, int *ret_status);
 
-/* Since the cache was made. */
-uint64_t tile_cache_loaded(const struct tile_cache *cache);
-uint64_t tile_cache_errors(const struct tile_cache *cache);
+struct tile_pin {
+    const float *heights_m; /* NULL: no data */
+    uint32_t entry;
+    bool late; /* coarser than the database has it: wanted now */
+    struct tile_bounds bounds;
+};
+
+/* True where there are workers. Any thread. */
+bool tile_cache_streams(const struct tile_cache *cache);
+
+/* Any thread; never waits for the disk. Needs workers. */
+void tile_cache_pin(struct tile_cache *cache, struct tile_id id, float rank,
+                    struct tile_pin *ret_pin);
+/* Waits until the tile is decoded: by a worker, or, where there are none, here and now (then one
+ * thread at a time). Returns 0, or -ENOMEM and an empty pin. */
+int tile_cache_pin_made(struct tile_cache *cache, struct tile_id id, struct tile_pin *ret_pin);
+void tile_cache_unpin(struct tile_cache *cache, const struct tile_pin *pin);
+
+/* Asks for a tile that will be needed. It is forgotten unless it is asked for again within a
+ * second. Any thread. */
+void tile_cache_want(struct tile_cache *cache, struct tile_id id, float rank);
+
+/* Waits until every tile that was pinned too early is there, or forgotten. */
+void tile_cache_settle(struct tile_cache *cache);
+
+struct tile_cache_counts {
+    uint64_t loaded, errors;    /* decoded; damaged or missing */
+    uint64_t hits, late;        /* pins of tiles that were there, and that were not */
+    uint64_t prefetched;        /* decoded before anybody lacked them */
+    uint32_t resident, pending; /* now: decoded; pinned too early and not yet there */
+    double longest_late_ms;     /* from the first pin that lacked a tile to its coming */
+};
+
+/* Since the cache was made. Any thread. */
+void tile_cache_counts(struct tile_cache *cache, struct tile_cache_counts *ret_counts);

@@ -51,6 +51,11 @@ void tile_record_finish(struct tile_record *record)
     *record = (struct tile_record){.payload_size = 0};
 }
 
+double tile_error_m(double error_m)
+{
+    return ceil(error_m * 1000.0 * (1.0 - 1e-12)) / 1000.0;
+}
+
 void tile_record_measure(struct tile_record *record, const struct grid *grid,
                          const int32_t *symbols, double step_m)
 {
@@ -145,12 +150,12 @@ static uint32_t height_bits(float height_m)
 
 uint32_t tile_record_checksum(const struct tile_record *record)
 {
-    uint8_t head[36];
+    uint8_t head[32];
     struct byte_writer writer = {.data = head, .size = sizeof(head)};
     byte_writer_put(&writer, (uint64_t)tile_key(record->id), 8, false);
     byte_writer_put(&writer, height_bits(record->min_m), 4, false);
     byte_writer_put(&writer, height_bits(record->max_m), 4, false);
-    byte_writer_put(&writer, bits_from_double(record->error_m), 8, false);
+    byte_writer_put(&writer, (uint64_t)llrint(record->error_m * 1000.0), 4, false);
     byte_writer_put(&writer, record->posts, 4, false);
     byte_writer_put(&writer, record->children, 4, false);
     byte_writer_put(&writer, record->payload_size, 4, false);

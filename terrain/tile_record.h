@@ -20,17 +20,21 @@ struct tile_parent tile_place_in_parent(const struct grid *grid, struct tile_id 
 
 struct tile_record {
     struct tile_id id;
-    float min_m, max_m;        /* NaN where no post has data */
-    double error_m;            /* bound on the distance between this surface and the finest one */
-    uint32_t posts;            /* with data, on the borders south and west included, others not */
-    uint8_t children;          /* tiles that exist below it: bits of tile_child_bit */
-    size_t payload_size;       /* 0: there is no tile (only in parts of an import) */
-    size_t origin_size;        /* 0: none recorded */
+    float min_m, max_m;  /* NaN where no post has data */
+    double error_m;      /* bound on the distance between this surface and the finest one; whole
+                            millimetres */
+    uint32_t posts;      /* with data, on the borders south and west included, others not */
+    uint8_t children;    /* tiles that exist below it: bits of tile_child_bit */
+    size_t payload_size; /* 0: there is no tile (only in parts of an import) */
+    size_t origin_size;  /* 0: none recorded */
     uint8_t *payload, *origin; /* owned */
 };
 
 /* Legal on a record of zeros. */
 void tile_record_finish(struct tile_record *record);
+
+/* An error as it is stored: in whole millimetres, rounded up. */
+double tile_error_m(double error_m);
 
 /* Minimum, maximum and count of posts from the tile's symbols. */
 void tile_record_measure(struct tile_record *record, const struct grid *grid,

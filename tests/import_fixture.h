@@ -64,7 +64,7 @@ static inline struct terrain_source *open_source(const char *path)
 static inline double height_at(struct terrain_source *source, double lat_deg, double lon_deg)
 {
     double height_m = NAN;
-    if (database_source_height(source, lat_deg, lon_deg, &height_m, NULL) < 0)
+    if (source->ops->sample_point(source, lat_deg, lon_deg, &height_m) < 0)
         CHECK_FAIL("no height at %g %g", lat_deg, lon_deg);
     return height_m;
 }

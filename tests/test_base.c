@@ -138,6 +138,8 @@ static void utc_is_parsed_strictly(void)
     CHECK_INT(t, 946684801 * NSEC_PER_SEC);
     CHECK_INT(clock_parse_utc("2000-01-01 00:00", &t), -EINVAL);
     CHECK_INT(clock_parse_utc("", &t), -EINVAL);
+    CHECK_INT(clock_parse_utc("0024-06-21T12:00:00Z", &t), -EINVAL);
+    CHECK_INT(clock_parse_utc("9999-06-21T12:00:00Z", &t), -EINVAL);
     CHECK_INT(clock_parse_utc("2000-01-01T00:00:01Zx", &t), -EINVAL);
 }
 

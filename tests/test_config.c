@@ -301,6 +301,28 @@ static void syntax_errors_have_their_place(void)
     CHECK_CONTAINS(complaints("channel: \xff\xfe\n"), "at byte 9");
 }
 
+static void a_typo_does_not_hide_what_is_wrong_elsewhere(void)
+{
+    CHECK_STRING(complaints("display: {widht: 800, rate_hz: 5000}\n"
+                            "channel: {frustum: {left_deg: 30, right_deg: -30}}\n"
+                            "sources: [{listen: here}]\n"),
+                 "1:11: unknown key 'display.widht'; did you mean 'width'?\n"
+                 "1:32: display.rate_hz is 5000; it must lie between 1 and 1000 Hz\n"
+                 "2:46: channel.frustum: left_deg 30 must be less than right_deg -30\n"
+                 "3:20: sources[0].listen is 'here'; it must be a numeric address and a port, like "
+                 "127.0.0.1:5500 or [::1]:5500");
+}
+
+/* A list in a list in a list: libyaml alone takes 20 s to say what is wrong with this. */
+static void deep_nesting_is_refused_at_once(void)
+{
+    static char text[200001];
+    memset(text, '[', sizeof(text) - 1);
+    nsec_t start_ns = clock_monotonic_ns();
+    CHECK_STRING(complaints(text), "1:33: nested more than 32 deep");
+    CHECK(clock_monotonic_ns() - start_ns < NSEC_PER_SEC);
+}
+
 static void anchors_and_aliases_mean_what_yaml_says(void)
 {
     struct config c;
@@ -410,6 +432,9 @@ int main(void)
         {"sources that contradict themselves or each other are named",
          sources_that_contradict_themselves_or_each_other_are_named},
         {"syntax errors have their place", syntax_errors_have_their_place},
+        {"a typo does not hide what is wrong elsewhere",
+         a_typo_does_not_hide_what_is_wrong_elsewhere},
+        {"deep nesting is refused at once", deep_nesting_is_refused_at_once},
         {"anchors and aliases mean what YAML says", anchors_and_aliases_mean_what_yaml_says},
         {"all errors are reported in the order of the file",
          all_errors_are_reported_in_the_order_of_the_file},

@@ -206,7 +206,7 @@ static void test_verify_names_tile(void)
     } cases[] = {
         {"UPDATE tiles SET posts = posts + 1", "checksum"},
         {"UPDATE tiles SET min_m = min_m - 1", "checksum"},
-        {"UPDATE tiles SET error_m = error_m / 2", "checksum"},
+        {"UPDATE tiles SET error_mm = error_mm / 2", "checksum"},
         {"UPDATE tiles SET children = 1", "checksum"},
         {"UPDATE tiles SET start = start + 1", "checksum"},
         {"DELETE FROM tiles", "missing"},
@@ -243,9 +243,10 @@ static void lift_tile(struct database *database, struct tile_id id, struct tile_
     double step_m = database_step_m(database);
     const struct grid *grid = database_grid(database);
     CHECK_INT(tile_cache_create(database, 64, &cache), 0);
-    symbols_from_heights(tile_cache_get(cache, id), TILE_POST_COUNT, step_m, symbols);
-    symbols_from_heights(tile_cache_get(cache, grid_parent(grid, id)), TILE_POST_COUNT, step_m,
-                         above);
+    int status;
+    symbols_from_heights(tile_cache_look(cache, id, &status), TILE_POST_COUNT, step_m, symbols);
+    symbols_from_heights(tile_cache_look(cache, grid_parent(grid, id), &status), TILE_POST_COUNT,
+                         step_m, above);
     for (int i = 0; i < TILE_POST_COUNT; i++)
         symbols[i] += i / TILE_POSTS % 2 && i % TILE_POSTS % 2 == 0 ? 7 : 0;
     tile_record_measure(record, grid, symbols, step_m);

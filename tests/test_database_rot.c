@@ -43,7 +43,8 @@ static bool content_of(const char *path, uint64_t *ret_sum)
                 struct tile_id id = {level, row, col};
                 if (!grid_has_tile(grid, id))
                     continue;
-                const float *heights = tile_cache_get(cache, id);
+                int status;
+                const float *heights = tile_cache_look(cache, id, &status);
                 for (int i = 0; heights && i < TILE_POST_COUNT; i += 3)
                     sum = sum * 31 + (uint64_t)(isnan(heights[i]) ? 77777 : lrintf(heights[i]));
             }

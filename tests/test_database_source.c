@@ -141,27 +141,6 @@ static void test_void(void)
     terrain_source_destroy(source);
 }
 
-static void test_normal(void)
-{
-    struct terrain_source *source = open_source(path_of("globe.db"));
-    if (!source)
-        return;
-    double height_m, normal[3];
-    CHECK_INT(database_source_height(source, 10.03, 20.04, &height_m, normal), 0);
-    CHECK_NEAR(height_m, point_m(source, 10.03, 20.04), 0.0);
-    CHECK_NEAR(normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2], 1.0, 1e-12);
-    double metres = 6371000.0 * M_PI / 180.0;
-    double north =
-        (point_m(source, 10.05, 20.04) - point_m(source, 10.01, 20.04)) / (0.04 * metres);
-    double east = (point_m(source, 10.03, 20.06) - point_m(source, 10.03, 20.02)) /
-                  (0.04 * metres * cos(10.03 * M_PI / 180.0));
-    CHECK_NEAR(-normal[1] / normal[2], north, 0.02 * fabs(north) + 1e-4);
-    CHECK_NEAR(-normal[0] / normal[2], east, 0.02 * fabs(east) + 1e-4);
-    CHECK_INT(database_source_height(source, 91.0, 0.0, &height_m, NULL), -EINVAL);
-    CHECK_INT(database_source_height(source, NAN, 0.0, &height_m, NULL), -EINVAL);
-    terrain_source_destroy(source);
-}
-
 static void test_bad_tile_falls_back(void)
 {
     for (int i = 0; i < 3; i++) {
@@ -211,7 +190,6 @@ static const struct check_test tests[] = {
     {"the surface is continuous across tiles, bands and the antimeridian", test_continuous},
     {"a grid across the antimeridian has no seam on any level", test_antimeridian_grid},
     {"voids and places outside have no height", test_void},
-    {"the normal is the slope of the surface", test_normal},
     {"a bad or missing tile is drawn from its parent and counted", test_bad_tile_falls_back},
     {"sampling is fast on cached tiles", test_speed},
 };

@@ -332,6 +332,43 @@ static void real_igc_files_fly_as_aircraft_do(void)
     }
 }
 
+/* Power goes while a line is written: it ends early, or in zeros that the file system made of it.
+ */
+static void a_text_that_breaks_off_is_read_up_to_there(void)
+{
+    static const struct {
+        const char *text;
+        size_t zeros, poses;
+        const char *says;
+    } cases[] = {
+        {"# altitude: ellipsoid\n" CSV_HEADER "0,1,2,3,4,5,6\n1,1,2,3,4,5,6\n2,1,2", 0, 2,
+         "f.txt:5: it ends within this line"},
+        {"# altitude: ellipsoid\n" CSV_HEADER "0,1,2,3,4,5,6\n1,1,2,3,4,5,6\n2,1,", 9, 2,
+         "f.txt:5: it ends within this line"},
+        {"AXXX001\nB1200004730000N00830000EA0050000550\nB1200014730000N00830010EA0050000550\n"
+         "B120002473000",
+         0, 2, "f.txt:4: it ends within this line"},
+        {"(1.0) can0 40C#011F0000AE147AE1\n(1.0) can0 40C#011E000040474147\n"
+         "(1.0) can0 40D#011F00000A3D70A4\n(1.0) can0 40E#01020000457A0000\n"
+         "(1.1) can0 40D#011E0000401FA3D7\n(1.2) can0 40C#011F0",
+         0, 1, "f.txt:6: it ends within this line"},
+    };
+    for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+        char text[512] = "";
+        struct flight *flight = NULL;
+        struct diag diag = {""};
+        size_t size = strlen(cases[i].text);
+        memcpy(text, cases[i].text, size);
+        CHECK_INT(flight_load_memory("f.txt", text, size + cases[i].zeros, &params, &flight, &diag),
+                  0);
+        if (!flight)
+            continue;
+        CHECK_INT(flight->count, cases[i].poses);
+        CHECK_CONTAINS(flight->note.text, cases[i].says);
+        flight_destroy(flight);
+    }
+}
+
 static void crc_is_the_one_of_ieee_802_3(void)
 {
     CHECK_INT(crc32_of_bytes(0, "123456789", 9), 0xcbf43926);
@@ -462,6 +499,39 @@ static void recordings_stay_within_their_limit(void)
     globfree(&found);
 }
 
+/* Two channels that began in the same second share a directory and a stem. */
+static void a_recording_removes_files_of_its_own_only(void)
+{
+    struct otwlog_writer *mine = NULL, *other = NULL;
+    struct otwlog_params p = {.directory = scratch, .max_mib = 1};
+    for (int tries = 0; tries < 20; tries++) { /* until both begin in one second */
+        char theirs[4096], pattern[4096];
+        CHECK_INT(otwlog_create(&p, &other, NULL), 0);
+        CHECK_INT(otwlog_create(&p, &mine, NULL), 0);
+        snprintf(theirs, sizeof(theirs), "%s", otwlog_path(other));
+        bool shared = strncmp(theirs, otwlog_path(mine), strlen(theirs) - 10) == 0;
+        for (int i = 0; shared && i < 20000; i++) {
+            struct pose pose = pose_number(i);
+            CHECK(otwlog_add_pose(mine, 0, &pose));
+            if (i % 1000 == 0)
+                CHECK_INT(otwlog_flush(mine, NULL), 0);
+        }
+        CHECK_INT(access(theirs, F_OK), 0);
+        CHECK(!shared || otwlog_removed(mine) > 0);
+        otwlog_destroy(mine);
+        otwlog_destroy(other);
+        glob_t found;
+        snprintf(pattern, sizeof(pattern), "%s/otwd-*.otwlog", scratch);
+        CHECK_INT(glob(pattern, 0, NULL, &found), 0);
+        for (size_t i = 0; i < found.gl_pathc; i++)
+            unlink(found.gl_pathv[i]);
+        globfree(&found);
+        if (shared)
+            return;
+    }
+    CHECK_FAIL("never two recordings in one second");
+}
+
 static void a_full_ring_drops_and_counts(void)
 {
     struct otwlog_writer *writer = NULL;
@@ -498,10 +568,12 @@ static const struct check_test tests[] = {
     {"IGC without GNSS altitude uses pressure above the geoid",
      igc_without_gnss_altitude_uses_pressure_above_the_geoid},
     {"real IGC files fly as aircraft do", real_igc_files_fly_as_aircraft_do},
+    {"a text that breaks off is read up to there", a_text_that_breaks_off_is_read_up_to_there},
     {"the CRC is the one of IEEE 802.3", crc_is_the_one_of_ieee_802_3},
     {"a recording comes back as it was", a_recording_comes_back_as_it_was},
     {"a torn tail costs only itself", a_torn_tail_costs_only_itself},
     {"recordings stay within their limit", recordings_stay_within_their_limit},
+    {"a recording removes files of its own only", a_recording_removes_files_of_its_own_only},
     {"a full ring drops and counts", a_full_ring_drops_and_counts},
 };
 

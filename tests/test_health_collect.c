@@ -101,15 +101,16 @@ static void missing_terrain_is_timed_from_when_it_was_complete(void)
     for (unsigned i = 11; i <= 20; i++) {
         struct frame_sample sample = sample_at(i);
         sample.complete = false;
-        sample.tiles_loaded = DATABASE_CACHE_TILES + 1;
+        sample.tiles_pending = 7;
+        sample.tiles_resident = 300;
         sample.terrain_errors = i > 15 ? 2 : 0;
         health_collect_add(&collect, &sample);
     }
     CHECK_INT(health_collect_behind_ns(&collect, NSEC_PER_SEC), 800 * NSEC_PER_MSEC);
     CHECK_INT(collect.error_ns, 320 * NSEC_PER_MSEC);
     health_collect_fill(&collect, &health);
-    CHECK_INT(health.tiles_pending, 1);
-    CHECK_INT(health.tiles_resident, DATABASE_CACHE_TILES);
+    CHECK_INT(health.tiles_pending, 7);
+    CHECK_INT(health.tiles_resident, 300);
     CHECK_INT(health.terrain_read_errors, 2);
 }
 

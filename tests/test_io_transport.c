@@ -276,6 +276,27 @@ static void the_senders_clock_takes_the_jitter_out(void)
     }
 }
 
+/* 300 ms is too little for a jump. Poses that seem older than they are would be extrapolated. */
+static void a_senders_clock_that_is_set_back_is_followed(void)
+{
+    struct intake intake;
+    intake_init(&intake, &(struct intake_params){.protocol = POSE_PROTOCOL_NATIVE,
+                                                 .geoid = {.undulation_m = constant_undulation_m}});
+    for (int i = 0; i < 60 * 20; i++) {
+        uint8_t data[NATIVE_SIZE];
+        struct pose pose;
+        nsec_t now_ns = 100 * NSEC_PER_SEC + i * 16 * NSEC_PER_MSEC;
+        nsec_t back_ns = i < 60 ? 0 : 300 * NSEC_PER_MSEC;
+        struct pose_sample sample = {.sequence = (uint32_t)i,
+                                     .sender_ns = now_ns - back_ns,
+                                     .pose = {.valid = POSE_POSITION}};
+        native_encode(&sample, data);
+        CHECK_INT(intake_packet(&intake, data, sizeof(data), now_ns, &pose, NULL), 1);
+        if (i > 60 * 11)
+            CHECK_NEAR((double)(pose.time_ns - now_ns), 0.0, 1e6);
+    }
+}
+
 static void a_bad_endpoint_names_the_source(void)
 {
     struct pose_source *source = NULL;
@@ -484,6 +505,7 @@ static const struct check_test tests[] = {
      bad_packets_are_counted_and_told_once_a_second},
     {"senders not on the list are refused", senders_not_on_the_list_are_refused},
     {"the sender's clock takes the jitter out", the_senders_clock_takes_the_jitter_out},
+    {"a sender's clock that is set back is followed", a_senders_clock_that_is_set_back_is_followed},
     {"a bad endpoint names the source", a_bad_endpoint_names_the_source},
     {"a CANaerospace source reads the simulated bus",
      a_canaerospace_source_reads_the_simulated_bus},

@@ -1,6 +1,7 @@
 #include "io/modbus_client.h"
 #include "io/modbus_server.h"
 #include "tests/check.h"
+#include "tests/modbus_fixture.h"
 
 #include <errno.h>
 #include <poll.h>
@@ -10,103 +11,6 @@
 #include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
-
-static struct modbus_control controls[16];
-static unsigned control_count;
-
-static void note_control(void *context, const struct modbus_control *control)
-{
-    CHECK(context == controls);
-    if (control_count < 16)
-        controls[control_count++] = *control;
-}
-
-static struct modbus_server *open_server(struct modbus_server_params params)
-{
-    struct modbus_server *server = NULL;
-    struct diag diag = {0};
-    params.listen = "127.0.0.1:0";
-    params.version = "1.2.3";
-    params.channel = "left";
-    params.control = note_control;
-    params.context = controls;
-    control_count = 0;
-    if (modbus_server_open(&params, &server, &diag) < 0) {
-        fprintf(stderr, "%s\n", diag.text);
-        exit(1);
-    }
-    return server;
-}
-
-static struct modbus_server *open_plain(void)
-{
-    return open_server((struct modbus_server_params){.unit = 1});
-}
-
-static int connect_client(struct modbus_server *server)
-{
-    union address address;
-    modbus_server_address(server, &address);
-    int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    if (fd < 0 || connect(fd, &address.any, address_length(&address)) < 0)
-        CHECK_FAIL("cannot connect: %s", strerror(errno));
-    return fd;
-}
-
-/* Lets the server work until `fd` is readable or `timeout_ms` have passed. */
-static bool serve_until_readable(struct modbus_server *server, int fd, int timeout_ms)
-{
-    nsec_t end = clock_monotonic_ns() + timeout_ms * NSEC_PER_MSEC;
-    for (;;) {
-        nsec_t now = clock_monotonic_ns();
-        struct pollfd fds[2] = {{modbus_server_fd(server), POLLIN, 0}, {fd, POLLIN, 0}};
-        if (now >= end)
-            return false;
-        poll(fds, 2, (int)((end - now) / NSEC_PER_MSEC) + 1);
-        if (fds[1].revents)
-            return true;
-        CHECK_INT(modbus_server_dispatch(server, clock_monotonic_ns()), 0);
-    }
-}
-
-static void put(int fd, const uint8_t *bytes, size_t size)
-{
-    CHECK_INT(send(fd, bytes, size, MSG_NOSIGNAL), (ssize_t)size);
-}
-
-/* Sends the PDU as transaction 0x1234 and returns the answer's PDU size; the header is checked. */
-static int ask_unit(struct modbus_server *server, int fd, uint8_t unit, const uint8_t *pdu,
-                    size_t size, uint8_t answer[260])
-{
-    uint8_t adu[260] = {0x12, 0x34, 0, 0, (uint8_t)((size + 1) >> 8), (uint8_t)(size + 1), unit};
-    memcpy(adu + 7, pdu, size);
-    put(fd, adu, size + 7);
-    if (!serve_until_readable(server, fd, 2000)) {
-        CHECK_FAIL("no answer to function %u", pdu[0]);
-        return -1;
-    }
-    ssize_t got = recv(fd, adu, sizeof(adu), 0);
-    if (got < 8)
-        return (int)got - 7;
-    CHECK_INT(adu[0] << 8 | adu[1], 0x1234);
-    CHECK_INT(adu[2] << 8 | adu[3], 0);
-    CHECK_INT(adu[4] << 8 | adu[5], got - 6);
-    CHECK_INT(adu[6], unit);
-    memcpy(answer, adu + 7, (size_t)got - 7);
-    return (int)got - 7;
-}
-
-#define ASK(server, fd, answer, ...)                                                               \
-    ask_unit(server, fd, 1, (const uint8_t[]){__VA_ARGS__},                                        \
-             sizeof((const uint8_t[]){__VA_ARGS__}), answer)
-
-#define CHECK_EXCEPTION(server, fd, exception, function, ...)                                      \
-    do {                                                                                           \
-        uint8_t check_x[260] = {0};                                                                \
-        CHECK_INT(ASK(server, fd, check_x, function, __VA_ARGS__), 2);                             \
-        CHECK_INT(check_x[0], (function) | 0x80);                                                  \
-        CHECK_INT(check_x[1], exception);                                                          \
-    } while (0)
 
 static void the_whole_map_is_read_in_one_go(void)
 {
@@ -399,6 +303,25 @@ static void clients_beyond_the_limit_are_turned_away(void)
     modbus_server_close(server);
 }
 
+static void a_hung_client_gives_way_to_a_further_one(void)
+{
+    struct modbus_server *server =
+        open_server((struct modbus_server_params){.unit = 1, .max_clients = 2});
+    uint8_t a[260];
+    int hung = connect_client(server), busy = connect_client(server);
+    CHECK_INT(ASK(server, busy, a, 4, 0, 45, 0, 1), 4);
+    int further = connect_client(server);
+    CHECK_INT(modbus_server_dispatch(server, clock_monotonic_ns() + 3 * NSEC_PER_SEC), 0);
+    CHECK_INT(evicted_count, 1);
+    CHECK(is_closed(server, hung));
+    CHECK_INT(ASK(server, further, a, 4, 0, 45, 0, 1), 4);
+    CHECK_INT(ASK(server, busy, a, 4, 0, 45, 0, 1), 4);
+    close(hung);
+    close(busy);
+    close(further);
+    modbus_server_close(server);
+}
+
 static void idle_clients_are_closed_and_dripping_bytes_do_not_count(void)
 {
     struct modbus_server *server =
@@ -565,6 +488,7 @@ int main(void)
          a_client_that_never_reads_is_held_back_and_the_others_served},
         {"a stream that is no Modbus is closed", a_stream_that_is_no_modbus_is_closed},
         {"clients beyond the limit are turned away", clients_beyond_the_limit_are_turned_away},
+        {"a hung client gives way to a further one", a_hung_client_gives_way_to_a_further_one},
         {"idle clients are closed and dripping bytes do not count",
          idle_clients_are_closed_and_dripping_bytes_do_not_count},
         {"descriptors beyond 1023 are served", descriptors_beyond_1023_are_served},

@@ -214,7 +214,7 @@ int main(void)
     if (chdir(folder) < 0 || !read_raster() || geoid_setup_open("egm96", &geoid, &diag) < 0 ||
         flight_load(capture, &(struct flight_params){.geoid = geoid_function_of(geoid)}, &flight,
                     &diag) < 0 ||
-        run("import '%s' -o '%s' --quiet --max-error 0.1", raster, database) != 0) {
+        run("import '%s' -o '%s' --quiet", raster, database) != 0) {
         fprintf(stderr, "cannot set up: %s\n", diag.text);
         return 1;
     }

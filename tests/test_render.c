@@ -140,7 +140,7 @@ static void draw(struct scene_under_test *scene, struct view *view, float *ret_d
 {
     struct renderer_frame frame;
     for (int i = 0; i < 2; i++) { /* the second time with the ground's height known */
-        renderer_wish(scene->renderer, &view->eye);
+        renderer_wish(scene->renderer, &view->eye, true);
         renderer_wait(scene->renderer);
         renderer_draw(scene->renderer, view);
         renderer_finish(scene->renderer, &frame);

@@ -2,23 +2,25 @@
 // land and water from slopes, altitude and noise fixed to the ground. The cost of a frame's shading
 // is thus the same whatever the geometry.
 
-layout(binding = 1) uniform sampler2DArray surfaces; // slope east, slope north, water, altitude km
+layout(binding = 1) uniform sampler2DArray surfaces; // slope east, slope north (coded), water
 layout(binding = 2) uniform sampler2D ground;        // tiling: slope x, slope y, two noises
 layout(binding = 3) uniform sampler2D depths;        // near / distance along the view axis
 
-// Slopes, water and altitude at a place on the finest grid, from the level that covers it, blended
-// into the next as the geometry is. The storage is toroidal, so a post's texel follows from its
-// address alone and no window has to be looked up.
-vec4 surface_of_level(vec2 grid, int level)
+const float SURFACE_STEEPEST = 4.0;
+
+// Slopes (as terrain/loader.h codes them) and water at a place on the finest grid. The storage is
+// toroidal, so a post's texel follows from its address alone and no window has to be looked up.
+vec3 surface_of_level(vec2 grid, int level)
 {
     float spacing = exp2(float(-level));
     ivec2 base = scene.base.xy << 1; // in half-posts
     vec2 texel = vec2((base >> level) & (2 * scene.base.z + 1)) +
                  (vec2(base & ((1 << level) - 1)) + 2.0 * grid) * spacing + 0.5;
-    return textureLod(surfaces, vec3(texel * (0.5 * scene.eye_texture.w), level), 0.0);
+    return textureLod(surfaces, vec3(texel * (0.5 * scene.eye_texture.w), level), 0.0).xyz;
 }
 
-vec4 surface_at(vec2 grid)
+// From the level that covers the place, blended into the next as the geometry is.
+vec3 surface_at(vec2 grid)
 {
     vec2 from_eye = abs(grid - scene.blend.xy);
     float posts = max(max(from_eye.x, from_eye.y), 1.0);
@@ -28,10 +30,11 @@ vec4 surface_at(vec2 grid)
                         0.0, 1.0);
     if (level == first)
         blend = max(blend, scene.view_rays[1].x);
-    vec4 own = surface_of_level(grid, level);
-    if (blend <= 0.0 || level == last)
-        return own;
-    return mix(own, surface_of_level(grid, level + 1), blend);
+    vec3 own = surface_of_level(grid, level);
+    if (blend > 0.0 && level < last)
+        own = mix(own, surface_of_level(grid, level + 1), blend);
+    vec2 code = own.xy * (255.0 / 127.0) - 128.0 / 127.0;
+    return vec3(SURFACE_STEEPEST * code * abs(code), own.z);
 }
 
 // What grows or lies there. `wide` varies over kilometres, `near` over metres; both are fixed to the
@@ -86,10 +89,10 @@ vec3 water_radiance(vec3 view, vec3 normal, vec3 sun_colour, vec3 ambient)
                fresnel) + sun_colour * glint * 0.8;
 }
 
-vec3 ground_radiance(vec3 enu, vec3 view, float distance_m)
+vec3 ground_radiance(vec3 enu, vec3 view, float distance_m, float altitude_km)
 {
     vec2 grid = grid_from_enu(enu);
-    vec4 surface = surface_at(grid);
+    vec3 surface = surface_at(grid);
     vec2 place = grid + scene.eye_texture.xy;
     // Finest posts that a pixel covers, lengthened by half of the foreshortening.
     float posts = distance_m * scene.view_rays[1].z * inversesqrt(clamp(-view.z, 0.02, 1.0));
@@ -111,7 +114,8 @@ vec3 ground_radiance(vec3 enu, vec3 view, float distance_m)
     if (water >= 1.0)
         return water_radiance(view, normal, sun_colour, ambient);
     float lit = max(dot(normal, scene.sun.xyz), 0.0);
-    vec3 albedo = land_colour(surface.w, steepness, mix(wide, middle, 0.35), mix(middle, near, 0.5));
+    vec3 albedo =
+        land_colour(altitude_km, steepness, mix(wide, middle, 0.35), mix(middle, near, 0.5));
     vec3 radiance = albedo * (sun_colour * lit + ambient * (0.55 + 0.45 * normal.z));
     if (water > 0.0)
         radiance = mix(radiance, water_radiance(view, normal, sun_colour, ambient), water);
@@ -134,8 +138,9 @@ vec3 shaded(vec2 tangent, float depth)
         float distance_m = ray_length * (scene.view_rays[1].w / depth);
         // The height difference along the line of sight, the Earth's curvature included.
         float rise_m = enu.z + dot(enu.xy, enu.xy) * (0.5 / 6.371e6);
+        vec3 land = ground_radiance(enu, view, distance_m, (scene.haze.z + rise_m) * 1e-3);
         float clear = transmittance(distance_m, rise_m);
-        radiance = mix(sky_colour(vec3(view.xy, 0.0)), ground_radiance(enu, view, distance_m), clear);
+        radiance = mix(sky_colour(vec3(view.xy, 0.0)), land, clear);
     }
     return displayed(radiance);
 }

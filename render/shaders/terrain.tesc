@@ -1,5 +1,5 @@
 // Sets the tessellation levels of a block (Song et al. 2016, equations 2 to 6) and drops it where
-// its bounds lie outside the frustum.
+// its bounds lie outside the frustum or behind the Earth.
 layout(vertices = 1) out;
 
 in Block {
@@ -10,6 +10,8 @@ in Block {
 
 patch out ivec4 patch_block;
 patch out int patch_level;
+
+const float LOWEST_LAND_M = 500.0; // below the ellipsoid: deeper than the shores of the Dead Sea
 
 bool outside_frustum(vec3 corners[8], float margin_m)
 {
@@ -23,6 +25,26 @@ bool outside_frustum(vec3 corners[8], float margin_m)
     return false;
 }
 
+// Metres to the horizon from `height_m` above the ellipsoid, along a line that touches the lowest
+// land there is: nothing is farther away than this and its own height's share together.
+float horizon_m(float height_m)
+{
+    float above = max(height_m + LOWEST_LAND_M, 0.0);
+    return sqrt(above * (2.0 * WGS84_A + above));
+}
+
+// Whether the whole block lies behind the Earth. On the grid the eye's nearest point of the block
+// is at most a tenth farther than the true one (within 80 degrees, 15 degrees of longitude away).
+bool beyond_horizon(ivec4 block, Level level, float highest_m)
+{
+    int shift = int(level.fade.w);
+    vec2 from = vec2(level.origin.xy + (block.xy << shift)) * scene.grid.xy + scene.grid.zw;
+    vec2 to = vec2(level.origin.xy + ((block.xy + block.zw) << shift)) * scene.grid.xy + scene.grid.zw;
+    vec2 angle = clamp(vec2(0.0), from, to);
+    float distance_m = 0.9 * length(enu_from_difference(angle.y, angle.x, highest_m));
+    return distance_m > horizon_m(scene.eye_trig.w) + horizon_m(highest_m);
+}
+
 bool visible(ivec4 block, int index, vec2 bounds)
 {
     Level level = scene.levels[index];
@@ -34,7 +56,7 @@ bool visible(ivec4 block, int index, vec2 bounds)
         corners[2 * i] = enu_from_difference(angle.y, angle.x, bounds.x);
         corners[2 * i + 1] = enu_from_difference(angle.y, angle.x, bounds.y);
     }
-    return !outside_frustum(corners, level.fade.y);
+    return !outside_frustum(corners, level.fade.y) && !beyond_horizon(block, level, bounds.y);
 }
 
 void main()

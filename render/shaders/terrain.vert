@@ -15,8 +15,8 @@ void main()
     block_out.level = in_level;
     block_out.bounds = in_bounds;
 #if INSTANCES > 1
-    // Each instance is one piece of a block wider than 32 cells (whose doubled edge has 64 segments);
-    // of a block one cell wide all but one piece across are empty.
+    // Each instance is one piece of a block wider than 16 cells; of a block one cell wide all but one
+    // piece across are empty.
     ivec2 part = ivec2(gl_InstanceID % INSTANCES, gl_InstanceID / INSTANCES);
     ivec2 from = in_block.zw * part / INSTANCES, to = in_block.zw * (part + 1) / INSTANCES;
     block_out.block = ivec4(in_block.xy + from, to - from);

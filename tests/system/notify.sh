@@ -20,15 +20,23 @@ beats() {
 }
 wait_for 5 beats 5 || fail "no WATCHDOG=1"
 
+port=$(free_port)
+moved=$(free_port)
 is config_generation 1 || fail "generation $(field config_generation)"
 sed -i 's/width: 160/width: 320/' otwd.yaml
+sed -i "s/127.0.0.1:$modbus/127.0.0.1:$moved/" otwd.yaml
 printf 'environment: {visibility_m: 5000}\n' >>otwd.yaml
+printf 'sources: [{name: new, type: native, listen: "127.0.0.1:%s"}]\n' "$port" >>otwd.yaml
+modbus=$moved
 kill -HUP "$daemon"
 wait_for 5 is config_generation 2 || fail "generation $(field config_generation) after SIGHUP"
+write_flight flight.csv
+start send.log "$OTWD" send flight.csv --to "udp://127.0.0.1:$port" --rate 30
+wait_for 5 is source 1 || fail "source $(field source): the new one does not drive"
 logged "changes to display need a restart" || fail "the log does not say what waits for a restart"
 printf 'colour: red\n' >>otwd.yaml
 kill -HUP "$daemon"
-wait_for 5 logged "otwd.yaml:4:1: " || fail "a bad configuration at SIGHUP is not told of"
+wait_for 5 logged "otwd.yaml:5:1: " || fail "a bad configuration at SIGHUP is not told of"
 is config_generation 2 || fail "a bad configuration was taken"
 
 stop_daemon

@@ -11,7 +11,7 @@ start hold.log "$SYSTEM_TOOL" hold-port "$taken"
 holder=$started
 wait_for 3 grep -q held hold.log || fatal "the port is not held"
 cat >otwd.yaml <<YAML
-display: {width: 160, height: 90, rate_hz: 20}
+display: {width: 160, height: 90, rate_hz: 5}
 sources:
   - {name: first, type: native, listen: "127.0.0.1:$taken"}
   - {name: second, type: native, listen: "127.0.0.1:$port"}

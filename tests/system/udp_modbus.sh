@@ -7,7 +7,7 @@ port=$(free_port)
 modbus=$(free_port)
 write_flight flight.csv
 cat >otwd.yaml <<YAML
-display: {width: 160, height: 90, rate_hz: 20}
+display: {width: 160, height: 90, rate_hz: 5}
 sources:
   - {name: host, type: native, listen: "127.0.0.1:$port"}
 health: {modbus: {listen: "127.0.0.1:$modbus"}}
@@ -17,6 +17,12 @@ YAML
 poll() {
     mbpoll -m tcp -p "$modbus" -a 1 -0 -1 "$@" 127.0.0.1 |
         sed -n 's/^\[[0-9]*\]:[ \t]*\(-\{0,1\}[0-9]*\).*/\1/p'
+}
+
+# state_is NUMBER: the state register, which leaves 1 for a second when a busy machine is late.
+# shellcheck disable=SC2317 # wait_for calls it
+state_is() {
+    [ "$(poll -t 3 -r 1)" = "$1" ]
 }
 
 start_daemon otwd.yaml
@@ -42,15 +48,15 @@ echo "$position" | awk '
     function off(a, b) { return a > b ? a - b : b - a }
     { exit !(NF == 3 && off($1, 465100000) <= 100 && off($2, 79100000) <= 100 && off($3, 400000) <= 2) }' ||
     fail "mbpoll reads $position"
-[ "$(poll -t 3 -r 1)" = 1 ] || fail "state register $(poll -t 3 -r 1)"
+wait_for 8 state_is 1 || fail "state register $(poll -t 3 -r 1)"
 [ "$(poll -t 3 -r 15)" = 1 ] || fail "active source register $(poll -t 3 -r 15)"
 frames=$(poll -t 3:int -B -r 2)
-wait_for 5 at_least frames_rendered $((frames + 20)) || fail "the frame counter stands at $frames"
+wait_for 10 at_least frames_rendered $((frames + 20)) || fail "the frame counter stands at $frames"
 [ "$(poll -t 1 -r 1)" = 1 ] || fail "the discrete input says that the pose is not valid"
 
 # silence
 kill "$started"
 wait_for 5 is code 102 || fail "after the host has gone the fault is $(field code), not 102"
-[ "$(poll -t 3 -r 1)" = 3 ] || fail "after the host has gone the state is $(poll -t 3 -r 1)"
+wait_for 3 state_is 3 || fail "after the host has gone the state is $(poll -t 3 -r 1)"
 near lat_deg 46.51 1e-5 || fail "the last pose is not held: $(field lat_deg)"
 finish

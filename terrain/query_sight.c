@@ -1,0 +1,452 @@
+/* Lines of sight: the straight line is cut into pieces that are so short that latitude, longitude
+ * and height above the geoid are quadratics along them, within a millimetre. Along a piece the
+ * tiles' bounds are a maximum mipmap: the coarsest tile that the piece is in is taken if the piece
+ * stays above it, else its child, down to single cells (Tevs, Ihrke and Seidel, "Maximum mipmaps
+ * for fast, accurate, and scalable dynamic height field rendering", 2008). In a cell the surface is
+ * bilinear, so its distance below the line is a quadratic, too. */
+#include <errno.h>
+#include <math.h>
+
+#include "geo/geographic.h"
+#include "terrain/query_internal.h"
+
+#define PIECE_M       8192.0
+#define PIECE_LEAST_M 0.01 /* around a pole, where longitude leaps */
+#define PIECE_ERROR_M 1e-3
+#define HIGHEST_M     10000.0 /* no ground is above, none below */
+#define LOWEST_M      -13000.0
+#define LEAST_STEP_M  25.0 /* over the fallback */
+#define HIT_M         1e-3
+#define EDGE_M        0.005
+#define NUDGE         1e-8 /* of a piece: past a border */
+#define DEGREE_M      111320.0
+
+struct ray {
+    const struct query *query;
+    double from_ecef_m[3], along_ecef_m[3]; /* the latter from end to end */
+    double length_m;
+};
+
+/* value(s) = c[0] + c[1] s + c[2] s^2, s = 0 .. 1 along the piece. */
+struct curve {
+    double c[3];
+};
+
+struct piece {
+    struct curve lat_deg, lon_deg, height_m; /* longitude not reduced; above the geoid */
+    struct curve row, col;                   /* cells of level 0, longitude factor 1 */
+    double length_m;
+};
+
+/* A tile or a cell: borders in cells of level 0. */
+struct box {
+    struct tile_id id;
+    double south, north, west, east;
+};
+
+static double limit(double x, double low, double high)
+{
+    return fmin(fmax(x, low), high);
+}
+
+static double value(const struct curve *curve, double s)
+{
+    return curve->c[0] + s * (curve->c[1] + s * curve->c[2]);
+}
+
+static struct curve curve_through(double begin, double middle, double end)
+{
+    return (struct curve){
+        {begin, 4.0 * middle - 3.0 * begin - end, 2.0 * (begin + end) - 4.0 * middle}};
+}
+
+static struct curve in_cells(struct curve degrees, double offset_deg, double per_degree,
+                             double phase)
+{
+    return (struct curve){{(degrees.c[0] + offset_deg) * per_degree - phase,
+                           degrees.c[1] * per_degree, degrees.c[2] * per_degree}};
+}
+
+/* The least value on a part. */
+static double least(const struct curve *curve, double begin, double end)
+{
+    double at = curve->c[2] > 0.0 ? -0.5 * curve->c[1] / curve->c[2] : begin;
+    double ends = fmin(value(curve, begin), value(curve, end));
+    return at > begin && at < end ? fmin(ends, value(curve, at)) : ends;
+}
+
+/* Where it next has a value; infinite where it has not. */
+static double reaches(const struct curve *curve, double goal, double after)
+{
+    double a = curve->c[2], b = curve->c[1], c = curve->c[0] - goal;
+    double under = b * b - 4.0 * a * c;
+    if (under < 0.0)
+        return INFINITY;
+    double q = -0.5 * (b + copysign(sqrt(under), b)), one = c / q, other = q / a;
+    double first = fmin(one, other), last = fmax(one, other); /* fmin and fmax pass over NaN */
+    return first > after ? first : last > after ? last : INFINITY;
+}
+
+/* Where it leaves an interval: by the border ahead or, where it turns round before, the other. */
+static double leaves(const struct curve *curve, double low, double high, double after)
+{
+    bool rises = curve->c[1] + 2.0 * curve->c[2] * after > 0.0;
+    double ahead = reaches(curve, rises ? high : low, after);
+    return isinf(ahead) ? reaches(curve, rises ? low : high, after) : ahead;
+}
+
+static double leaves_box(const struct piece *piece, const struct box *box, double s)
+{
+    double after = s + NUDGE;
+    double end = fmin(leaves(&piece->row, box->south, box->north, after),
+                      leaves(&piece->col, box->west, box->east, after));
+    return fmin(fmax(end, s + 4.0 * NUDGE), 1.0);
+}
+
+static struct geodetic on_ray(const struct ray *ray, double t)
+{
+    double ecef_m[3];
+    struct geodetic at;
+    for (int i = 0; i < 3; i++)
+        ecef_m[i] = ray->from_ecef_m[i] + t * ray->along_ecef_m[i];
+    geodetic_from_geocentric(ecef_m, &at);
+    return at;
+}
+
+/* The same, above the geoid, and with a longitude near another one. */
+static struct geodetic above_geoid(const struct ray *ray, double t, double near_lon_deg)
+{
+    struct geodetic at = on_ray(ray, t);
+    if (ray->query->geoid)
+        at.height_m -= geoid_undulation_m(ray->query->geoid, at.lat_deg, at.lon_deg);
+    at.lon_deg = near_lon_deg + remainder(at.lon_deg - near_lon_deg, 360.0);
+    return at;
+}
+
+static double error_m(const struct ray *ray, const struct piece *piece, double t, double s)
+{
+    struct geodetic at = above_geoid(ray, t, value(&piece->lon_deg, s));
+    double north = (at.lat_deg - value(&piece->lat_deg, s)) * DEGREE_M;
+    double east =
+        (at.lon_deg - value(&piece->lon_deg, s)) * DEGREE_M * cos(at.lat_deg * (M_PI / 180.0));
+    double up = at.height_m - value(&piece->height_m, s);
+    return fmax(fmax(fabs(north), fabs(east)), fabs(up));
+}
+
+/* Returns how far it is off. */
+static double fit(const struct ray *ray, double begin, double end, struct piece *ret_piece)
+{
+    struct geodetic a = above_geoid(ray, begin, 0.0);
+    struct geodetic b = above_geoid(ray, 0.5 * (begin + end), a.lon_deg);
+    struct geodetic c = above_geoid(ray, end, b.lon_deg);
+    struct piece piece = {
+        .lat_deg = curve_through(a.lat_deg, b.lat_deg, c.lat_deg),
+        .lon_deg = curve_through(a.lon_deg, b.lon_deg, c.lon_deg),
+        .height_m = curve_through(a.height_m, b.height_m, c.height_m),
+        .length_m = (end - begin) * ray->length_m,
+    };
+    const struct grid *grid = ray->query->grid;
+    if (grid) {
+        double per_degree = grid->shape.posts_per_degree;
+        piece.row = in_cells(piece.lat_deg, 0.0, per_degree, grid->shape.lat_phase);
+        piece.col = in_cells(piece.lon_deg, 180.0, per_degree, grid->shape.lon_phase);
+    }
+    *ret_piece = piece;
+    return fmax(error_m(ray, &piece, begin + 0.25 * (end - begin), 0.25),
+                error_m(ray, &piece, begin + 0.75 * (end - begin), 0.75));
+}
+
+/* The height of the line over the fallback. */
+static double clearance_m(struct query *query, const struct piece *piece, double s)
+{
+    return value(&piece->height_m, s) -
+           query_fallback_m(query, limit(value(&piece->lat_deg, s), -90.0, 90.0),
+                            value(&piece->lon_deg, s));
+}
+
+/* Over the fallback, which says nothing of its bounds: half the clearance on and on. */
+static double hit_fallback(struct query *query, const struct piece *piece, double begin, double end)
+{
+    double above = begin, s = begin;
+    if (!query->fallback)
+        return INFINITY;
+    for (;;) {
+        double clear_m = clearance_m(query, piece, s);
+        if (clear_m <= 0.0)
+            break;
+        if (s >= end)
+            return INFINITY;
+        above = s;
+        s = fmin(s + fmax(0.5 * clear_m, LEAST_STEP_M) / piece->length_m, end);
+    }
+    while ((s - above) * piece->length_m > HIT_M) {
+        double middle = 0.5 * (above + s);
+        *(clearance_m(query, piece, middle) <= 0.0 ? &s : &above) = middle;
+    }
+    return s;
+}
+
+/* A cell's posts: southern line, then northern; west, then east. */
+struct cell {
+    struct surface_place place; /* of the middle of the line's way through it */
+    double lat_deg, lon_deg;
+    double heights_m[4];
+};
+
+static void read_line(struct query *query, int view, const struct surface_line *line,
+                      double *ret_heights_m)
+{
+    const float *heights_m = query_tile(query, view, line);
+    for (int i = 0; i < 2; i++)
+        ret_heights_m[i] = heights_m ? (double)heights_m[line->post + i] : NAN;
+}
+
+static void read_cell(struct query *query, const struct piece *piece, double s,
+                      struct cell *ret_cell)
+{
+    ret_cell->lat_deg = limit(value(&piece->lat_deg, s), -90.0, 90.0);
+    ret_cell->lon_deg = value(&piece->lon_deg, s);
+    surface_place(query->grid, ret_cell->lat_deg, ret_cell->lon_deg, &ret_cell->place);
+    bool one_tile = ret_cell->place.north.tile_row == ret_cell->place.south.tile_row;
+    read_line(query, 0, &ret_cell->place.south, ret_cell->heights_m);
+    read_line(query, one_tile ? 0 : 1, &ret_cell->place.north, ret_cell->heights_m + 2);
+}
+
+static double along(const struct surface_line *line, const double *heights_m, double d_lon_deg)
+{
+    double east = (double)line->east + d_lon_deg / line->cell_deg;
+    return heights_m[0] + (heights_m[1] - heights_m[0]) * east;
+}
+
+static double above_cell_m(const struct piece *piece, const struct cell *cell, double s)
+{
+    double d_lat = value(&piece->lat_deg, s) - cell->lat_deg;
+    double d_lon = value(&piece->lon_deg, s) - cell->lon_deg;
+    double south = along(&cell->place.south, cell->heights_m, d_lon);
+    double north = along(&cell->place.north, cell->heights_m + 2, d_lon);
+    double up = (double)cell->place.up + d_lat / cell->place.cell_deg;
+    return value(&piece->height_m, s) - (south + (north - south) * up);
+}
+
+static double hit_in_cell(struct query *query, const struct piece *piece, double begin, double end)
+{
+    struct cell cell;
+    double middle = 0.5 * (begin + end);
+    read_cell(query, piece, middle, &cell);
+    double first = above_cell_m(piece, &cell, begin), last = above_cell_m(piece, &cell, end);
+    double between = above_cell_m(piece, &cell, middle);
+    if (isnan(first + last + between))
+        return hit_fallback(query, piece, begin, end);
+    if (first <= 0.0)
+        return begin;
+    struct curve above = curve_through(first, between, last);
+    double under = 1.0; /* where it is below the ground, of the way through the cell */
+    if (above.c[2] > 0.0 && above.c[1] < 0.0)
+        under = fmin(-0.5 * above.c[1] / above.c[2], 1.0);
+    if (value(&above, under) > 0.0)
+        return INFINITY;
+    double low = begin, high = begin + under * (end - begin);
+    while ((high - low) * piece->length_m > HIT_M) {
+        middle = 0.5 * (low + high);
+        *(above_cell_m(piece, &cell, middle) <= 0.0 ? &high : &low) = middle;
+    }
+    return high;
+}
+
+/* Across rows: `span` finest cells high. Along them `width` wide; the last one may be narrower. */
+static void set_borders(const struct query *query, struct box *box, double row, double span,
+                        double col, double width)
+{
+    double around = grid_width_cells(query->grid, 0, 0), turn = floor(col / around) * around;
+    double west = floor((col - turn) / width) * width;
+    box->south = row * span;
+    box->north = box->south + span;
+    box->west = turn + west;
+    box->east = turn + fmin(west + width, around);
+}
+
+static struct box tile_at(const struct query *query, const struct piece *piece, double s, int level)
+{
+    const struct grid *grid = query->grid;
+    double span = ldexp(TILE_CELLS, level), col = value(&piece->col, s + NUDGE);
+    double row = limit(floor(value(&piece->row, s + NUDGE) / span),
+                       grid_first_tile_row(grid, level), grid_last_tile_row(grid, level));
+    struct box box = {.id = {.level = level, .row = (int32_t)row}};
+    double width = ldexp(span, (int)grid_lon_shift(grid, level, box.id.row));
+    double around = grid_width_cells(grid, 0, 0);
+    set_borders(query, &box, row, span, col, width);
+    box.id.col = (int32_t)((box.west - floor(box.west / around) * around) / width + 0.5);
+    return box;
+}
+
+/* The cell of level 0; where the rows of posts on its two sides differ, as wide as the finer. */
+static struct box cell_at(const struct query *query, const struct piece *piece, double s)
+{
+    const struct grid *grid = query->grid;
+    int64_t row =
+        (int64_t)limit(floor(value(&piece->row, s + NUDGE)), (double)grid_first_row(grid, 0),
+                       (double)grid_last_row(grid, 0) - 1.0);
+    int32_t tile_row = (int32_t)grid_floor_div(row, TILE_CELLS);
+    unsigned south = grid_lon_shift(grid, 0, grid_row_owner(grid, 0, row, tile_row));
+    unsigned north = grid_lon_shift(grid, 0, grid_row_owner(grid, 0, row + 1, tile_row));
+    struct box box = {.id = {0, tile_row, 0}};
+    set_borders(query, &box, (double)row, 1.0, value(&piece->col, s + NUDGE),
+                ldexp(1.0, (int)(south < north ? south : north)));
+    return box;
+}
+
+static double hit_by_cells(struct query *query, const struct piece *piece, double begin, double end)
+{
+    while (begin < end) {
+        struct box cell = cell_at(query, piece, begin);
+        double leaves_at = fmin(leaves_box(piece, &cell, begin), end);
+        double hit = hit_in_cell(query, piece, begin, leaves_at);
+        if (!isinf(hit))
+            return hit;
+        begin = leaves_at;
+    }
+    return INFINITY;
+}
+
+/* True where the posts on a border of the tile that count are a neighbour's, which its own bounds
+ * say nothing about: where the longitude factor changes. */
+static bool borrows_posts(const struct query *query, struct tile_id id)
+{
+    int64_t rows = INT64_C(1) << id.level, south = id.row * rows, north = south + rows;
+    return grid_row_owner(query->grid, 0, south * TILE_CELLS, (int32_t)south) != south ||
+           grid_row_owner(query->grid, 0, north * TILE_CELLS, (int32_t)north - 1) != north - 1;
+}
+
+enum passage {
+    PASSAGE_CLEAR, /* nothing is as high as the line */
+    PASSAGE_EMPTY, /* the database has nothing there: what the fallback has counts */
+    PASSAGE_CLOSER,
+};
+
+/* A tile without all heights may have a finer one with more, and the fallback between them. */
+static enum passage judge(const struct query *query, const struct tile_pin *pin, struct tile_id id,
+                          double least_m)
+{
+    if (!pin->heights_m && !pin->late)
+        return PASSAGE_EMPTY;
+    bool known = pin->heights_m && pin->bounds.full && (id.level == 0 || !query->fallback);
+    return known && least_m > (double)pin->bounds.max_m && !borrows_posts(query, id)
+               ? PASSAGE_CLEAR
+               : PASSAGE_CLOSER;
+}
+
+/* The coarsest level worth a look: twice as wide as the piece is long. */
+static int coarsest(const struct query *query, const struct piece *piece)
+{
+    double tile_m = grid_lat_step_deg(query->grid, 0) * DEGREE_M * TILE_CELLS;
+    int level = 0;
+    while (level < query->top_level && ldexp(tile_m, level) < 2.0 * piece->length_m)
+        level++;
+    return level;
+}
+
+static double hit_by_tiles(struct query *query, const struct piece *piece)
+{
+    int top = coarsest(query, piece), level = top;
+    for (double s = 0.0; s < 1.0;) {
+        struct box box = tile_at(query, piece, s, level);
+        double end = leaves_box(piece, &box, s), hit = INFINITY;
+        const struct tile_pin *pin = query_view(query, 0, box.id);
+        enum passage passage = judge(query, pin, box.id, least(&piece->height_m, s, end));
+        if (passage == PASSAGE_CLOSER && level > 0) {
+            level--;
+            continue;
+        }
+        if (passage == PASSAGE_CLOSER)
+            hit = hit_by_cells(query, piece, s, end);
+        else if (passage == PASSAGE_EMPTY)
+            hit = hit_fallback(query, piece, s, end);
+        if (!isinf(hit))
+            return hit;
+        s = end;
+        level = level < top ? level + 1 : top;
+    }
+    return INFINITY;
+}
+
+static double hit_in_piece(struct query *query, const struct piece *piece)
+{
+    return query->grid ? hit_by_tiles(query, piece) : hit_fallback(query, piece, 0.0, 1.0);
+}
+
+/* How far a piece may be from here: what is higher than all ground (deeper than all) cannot come
+ * there sooner. 0 where it may. */
+static double free_way_m(const struct ray *ray, double t)
+{
+    double height_m = on_ray(ray, t).height_m;
+    return fmax(fmax(height_m - HIGHEST_M, LOWEST_M - height_m), 0.0);
+}
+
+/* Where the line meets the ground, 0 .. 1; infinite where it does not. */
+static double hit_on_ray(struct query *query, const struct ray *ray)
+{
+    double longest = PIECE_M / ray->length_m, least_part = PIECE_LEAST_M / ray->length_m;
+    double part = longest;
+    for (double t = 0.0; t < 1.0 && query->error == 0;) {
+        double free = free_way_m(ray, t) / ray->length_m;
+        if (free > longest) {
+            t += free;
+            continue;
+        }
+        double end = fmin(t + part, 1.0);
+        struct piece piece;
+        while (fit(ray, t, end, &piece) > PIECE_ERROR_M && end - t > least_part)
+            end = 0.5 * (t + end);
+        double hit = hit_in_piece(query, &piece);
+        if (!isinf(hit))
+            return t + hit * (end - t);
+        part = fmin(2.0 * (end - t), longest);
+        t = end;
+    }
+    return INFINITY;
+}
+
+static bool is_place(const struct geodetic *at)
+{
+    return fabs(at->lat_deg) <= 90.0 && fabs(at->lon_deg) <= 1e6 && fabs(at->height_m) <= 1e9;
+}
+
+/* True where the line is on the ground or under it at `t`. */
+static bool meets_ground(struct query *query, const struct ray *ray, double t,
+                         struct query_sight *sight)
+{
+    struct geodetic above = above_geoid(ray, t, 0.0);
+    sight->distance_m = t * ray->length_m;
+    sight->at = on_ray(ray, t);
+    query_answer_at(query, sight->at.lat_deg, sight->at.lon_deg, &sight->ground);
+    return above.height_m <= sight->ground.height_m + EDGE_M;
+}
+
+int query_sight(struct query *query, const struct geodetic *from, const struct geodetic *to,
+                unsigned flags, struct query_sight *ret_sight)
+{
+    struct ray ray = {.query = query};
+    struct query_sight sight = {.hit = false};
+    double to_ecef_m[3], square = 0.0;
+    if (!is_place(from) || !is_place(to))
+        return -EINVAL;
+    geocentric_from_geodetic(from, ray.from_ecef_m);
+    geocentric_from_geodetic(to, to_ecef_m);
+    for (int i = 0; i < 3; i++) {
+        ray.along_ecef_m[i] = to_ecef_m[i] - ray.from_ecef_m[i];
+        square += ray.along_ecef_m[i] * ray.along_ecef_m[i];
+    }
+    ray.length_m = fmax(sqrt(square), 1e-9);
+    query_begin(query, flags);
+    double t = hit_on_ray(query, &ray);
+    sight.late = query->late;
+    sight.hit = !isinf(t);
+    if (sight.hit) {
+        if (!meets_ground(query, &ray, t, &sight)) /* at its very edge */
+            meets_ground(query, &ray, t + EDGE_M / ray.length_m, &sight);
+    }
+    int r = query_end(query);
+    if (r == 0)
+        *ret_sight = sight;
+    return r;
+}

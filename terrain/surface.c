@@ -1,0 +1,128 @@
+#include "terrain/surface.h"
+
+#include <math.h>
+
+static struct surface_line line_at(const struct grid *grid, int64_t row, int32_t tile_row,
+                                   double lon_deg)
+{
+    unsigned shift = grid_lon_shift(grid, 0, tile_row);
+    double width = grid_width_cells(grid, 0, shift);
+    double x = grid_col_at(grid, 0, shift, lon_deg);
+    x -= floor(x / width) * width;
+    double nearest = nearbyint(x);
+    if (fabs(x - nearest) < SURFACE_SNAP_CELLS)
+        x = nearest;
+    if (x >= width - SURFACE_SNAP_CELLS)
+        x = 0.0;
+    struct surface_line line = {.tile_row = tile_row, .tile_col = (int32_t)(x / TILE_CELLS)};
+    x -= (double)line.tile_col * TILE_CELLS;
+    int cell = (int)x;
+    double east = x - cell;
+    line.cell_deg = grid_lon_step_deg(grid, 0, shift);
+    double narrow = width - ((double)line.tile_col * TILE_CELLS + cell);
+    if (narrow < 1.0) { /* the cell before the last meridian */
+        east = fmin(east / narrow, 1.0);
+        line.cell_deg *= narrow;
+    }
+    line.east = (float)east;
+    line.post = (int)(row - (int64_t)tile_row * TILE_CELLS) * TILE_POSTS + cell;
+    return line;
+}
+
+/* The cell's southern row, and how far up in the cell. */
+static int64_t place_row(const struct grid *grid, double lat_deg, float *ret_up, double *ret_height)
+{
+    double north = grid_row_at(grid, 0, 90.0), south = grid_row_at(grid, 0, -90.0);
+    int64_t first = grid_first_row(grid, 0), last = grid_last_row(grid, 0);
+    double y = grid_row_at(grid, 0, lat_deg), nearest = nearbyint(y);
+    double below = (double)(last - 1), above = (double)(first + 1);
+    *ret_height = 1.0;
+    if (y > below) { /* the cell before a pole may be lower */
+        *ret_height = north - below;
+        *ret_up = y >= north - SURFACE_SNAP_CELLS ? 1.0f : (float)((y - below) / *ret_height);
+        return last - 1;
+    }
+    if (y < above) {
+        *ret_height = above - south;
+        *ret_up = y <= south + SURFACE_SNAP_CELLS ? 0.0f : (float)((y - south) / *ret_height);
+        return first;
+    }
+    if (fabs(y - nearest) < SURFACE_SNAP_CELLS) {
+        *ret_up = (int64_t)nearest == last ? 1.0f : 0.0f;
+        return (int64_t)nearest - ((int64_t)nearest == last);
+    }
+    *ret_up = (float)(y - floor(y));
+    return (int64_t)floor(y);
+}
+
+void surface_place(const struct grid *grid, double lat_deg, double lon_deg,
+                   struct surface_place *ret_place)
+{
+    double height_cells;
+    int64_t row = place_row(grid, lat_deg, &ret_place->up, &height_cells);
+    int32_t tile_row = (int32_t)grid_floor_div(row, TILE_CELLS);
+    int32_t south = grid_row_owner(grid, 0, row, tile_row);
+    int32_t north = grid_row_owner(grid, 0, row + 1, tile_row);
+    ret_place->cell_deg = height_cells * grid_lat_step_deg(grid, 0);
+    ret_place->south = line_at(grid, row, south, lon_deg);
+    if (north != south) {
+        ret_place->north = line_at(grid, row + 1, north, lon_deg);
+        return;
+    }
+    ret_place->north = ret_place->south;
+    ret_place->north.post += TILE_POSTS;
+}
+
+/* One that counts for nothing may be unknown. */
+static inline float blend(float a, float b, float fraction)
+{
+    return fraction == 0.0f ? a : fraction == 1.0f ? b : a + (b - a) * fraction;
+}
+
+static float along(const struct surface_line *line, const float *heights_m)
+{
+    return heights_m ? blend(heights_m[line->post], heights_m[line->post + 1], line->east) : NAN;
+}
+
+float surface_height_m(const struct surface_place *place, const float *south_m,
+                       const float *north_m)
+{
+    return blend(along(&place->south, south_m), along(&place->north, north_m), place->up);
+}
+
+static double slope_along(const struct surface_line *line, const float *heights_m)
+{
+    return heights_m ? (double)(heights_m[line->post + 1] - heights_m[line->post]) / line->cell_deg
+                     : NAN;
+}
+
+static double known_or_level(double slope)
+{
+    return isnan(slope) ? 0.0 : slope;
+}
+
+void surface_normal(const struct surface_place *place, double lat_deg, const float *south_m,
+                    const float *north_m, float ret_normal_enu[3])
+{
+    double south = slope_along(&place->south, south_m), north = slope_along(&place->north, north_m);
+    double east_m_per_deg = place->up == 0.0f   ? south
+                            : place->up == 1.0f ? north
+                                                : south + (north - south) * (double)place->up;
+    double rise_m = (double)(along(&place->north, north_m) - along(&place->south, south_m));
+    surface_normal_from_slopes(lat_deg, known_or_level(east_m_per_deg),
+                               known_or_level(rise_m / place->cell_deg), ret_normal_enu);
+}
+
+void surface_normal_from_slopes(double lat_deg, double east_m_per_deg, double north_m_per_deg,
+                                float ret_normal_enu[3])
+{
+    const double axis_m = 6378137.0, e2 = 6.69437999014131699614e-3, rad = M_PI / 180.0;
+    double sine = sin(lat_deg * rad), w2 = 1.0 - e2 * sine * sine, w = sqrt(w2);
+    double cosine = sqrt(fmax(1.0 - sine * sine, 1e-18));
+    double north = north_m_per_deg * w2 * w / (rad * axis_m * (1.0 - e2));
+    double east = east_m_per_deg * w / (rad * axis_m * cosine);
+    double length = sqrt(east * east + north * north + 1.0);
+    ret_normal_enu[0] = (float)(-east / length);
+    ret_normal_enu[1] = (float)(-north / length);
+    ret_normal_enu[2] = (float)(1.0 / length);
+}

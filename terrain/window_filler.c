@@ -1,0 +1,395 @@
+#include "terrain/window_filler.h"
+
+#include <assert.h>
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "terrain/ground.h"
+
+#define GEOID_STRIDE  16 /* half-posts */
+#define GEOID_COLUMNS 80 /* enough for the widest window */
+#define LATE_SIDE     64 /* half-posts a side of what is sampled again by itself */
+#define REFRESH_PARTS (LOADER_MAX_STRIPS / 2) /* each may need a strip of the finer level, too */
+
+int window_filler_init(struct window_filler *filler, const struct clipmap_shape *shape,
+                       struct terrain_source *source, struct terrain_source *fallback,
+                       struct geoid *geoid)
+{
+    size_t half_posts = (size_t)level_half_posts(shape) * (size_t)level_half_posts(shape);
+    *filler = (struct window_filler){
+        .shape = *shape, .source = source, .fallback = fallback, .geoid = geoid};
+    filler->late_capacity = (size_t)shape->levels * (4 + 4 * half_posts / (LATE_SIDE * LATE_SIDE));
+    filler->late = malloc(filler->late_capacity * sizeof(*filler->late));
+    filler->altitude_m = malloc(half_posts * sizeof(float));
+    filler->fallback_m = malloc(half_posts * sizeof(float));
+    filler->undulation_m = malloc(half_posts * sizeof(float));
+    filler->water = malloc(half_posts * sizeof(bool));
+    if (!filler->late || !filler->water || !filler->altitude_m || !filler->fallback_m ||
+        !filler->undulation_m)
+        return -ENOMEM;
+    for (int level = 0; level < shape->levels; level++)
+        if (level_store_init(&filler->stores[level], &filler->shape, level) < 0)
+            return -ENOMEM;
+    return 0;
+}
+
+void window_filler_finish(struct window_filler *filler)
+{
+    for (int level = 0; level < CLIPMAP_MAX_LEVELS; level++)
+        level_store_finish(&filler->stores[level]);
+    free(filler->water);
+    free(filler->altitude_m);
+    free(filler->fallback_m);
+    free(filler->undulation_m);
+    free(filler->late);
+}
+
+/* True where there are heights; *late is set where the source will have better ones. */
+static bool sample_source(const struct window_filler *filler, struct terrain_source *source,
+                          const struct terrain_grid *grid, float *ret_m, bool *late)
+{
+    int r = source ? source->ops->sample_grid(source, grid, ret_m) : -ENOENT;
+    while (r == TERRAIN_LATE && filler->patient) {
+        source->ops->settle(source);
+        r = source->ops->sample_grid(source, grid, ret_m);
+    }
+    *late |= r == TERRAIN_LATE;
+    return r >= 0;
+}
+
+static bool any_void_or_low(const float *altitude_m, size_t count)
+{
+    for (size_t i = 0; i < count; i++)
+        if (ground_asks_fallback(altitude_m[i]))
+            return true;
+    return false;
+}
+
+/* Puts the fallback's height (or 0) where the source has none, and finds the water. */
+static void settle_ground(struct window_filler *filler, const struct terrain_grid *grid,
+                          size_t count, bool *late)
+{
+    bool have = any_void_or_low(filler->altitude_m, count) &&
+                sample_source(filler, filler->fallback, grid, filler->fallback_m, late);
+    for (size_t i = 0; i < count; i++) {
+        float altitude_m = filler->altitude_m[i];
+        if (isnan(altitude_m))
+            altitude_m = have ? filler->fallback_m[i] : 0.0f;
+        if (isnan(altitude_m))
+            altitude_m = 0.0f;
+        filler->water[i] = ground_is_water(altitude_m, have ? filler->fallback_m[i] : NAN);
+        filler->altitude_m[i] = altitude_m;
+    }
+}
+
+/* The undulation at a post of a grid. */
+static float undulation_at(const struct window_filler *filler, const struct terrain_grid *grid,
+                           int64_t row, int64_t col)
+{
+    double lat = fmin(fmax((double)row * grid->lat_step_deg, -90.0), 90.0);
+    double lon = longitude_normalised_deg((double)col * grid->lon_step_deg);
+    return (float)geoid_undulation_m(filler->geoid, lat, lon);
+}
+
+static float between(float a, float b, int i)
+{
+    return a + (b - a) * ((float)i * (1.0f / GEOID_STRIDE));
+}
+
+/* On fine grids the geoid is taken every GEOID_STRIDE posts, counted from the equator and Greenwich
+ * whatever the rectangle, and is linear between: a square of 0.02 degrees, in which it bends by
+ * less than a millimetre. */
+static void sample_fine_undulation(struct window_filler *filler, const struct terrain_grid *grid)
+{
+    int64_t west = grid->col0 & ~(int64_t)(GEOID_STRIDE - 1), held = INT64_MIN;
+    int first = (int)(grid->col0 - west), count = (first + grid->cols - 1) / GEOID_STRIDE + 2;
+    float south[GEOID_COLUMNS], north[GEOID_COLUMNS];
+    assert(count <= GEOID_COLUMNS);
+    for (int r = 0; r < grid->rows; r++) {
+        int64_t row = grid->row0 + r, lower = row & ~(int64_t)(GEOID_STRIDE - 1);
+        float *out = filler->undulation_m + (size_t)r * (size_t)grid->cols;
+        for (int i = 0; i < count && lower != held; i++) {
+            int64_t col = west + (int64_t)i * GEOID_STRIDE;
+            south[i] = undulation_at(filler, grid, lower, col);
+            north[i] = undulation_at(filler, grid, lower + GEOID_STRIDE, col);
+        }
+        held = lower;
+        for (int c = 0; c < grid->cols; c++) {
+            int i = (first + c) / GEOID_STRIDE, j = (first + c) % GEOID_STRIDE;
+            float w = between(south[i], north[i], (int)(row - lower));
+            float e = between(south[i + 1], north[i + 1], (int)(row - lower));
+            out[c] = between(w, e, j);
+        }
+    }
+}
+
+static void sample_undulation(struct window_filler *filler, const struct terrain_grid *grid)
+{
+    size_t count = (size_t)grid->rows * (size_t)grid->cols;
+    if (!filler->geoid) {
+        memset(filler->undulation_m, 0, count * sizeof(float));
+    } else if (fmax(grid->lat_step_deg, grid->lon_step_deg) * GEOID_STRIDE <= 0.02) {
+        sample_fine_undulation(filler, grid);
+    } else {
+        for (size_t i = 0; i < count; i++)
+            filler->undulation_m[i] =
+                undulation_at(filler, grid, grid->row0 + (int64_t)(i / (size_t)grid->cols),
+                              grid->col0 + (int64_t)(i % (size_t)grid->cols));
+    }
+}
+
+/* Fills the scratch arrays with the ground of one rectangle of half-posts. True where it is
+ * coarser than the source will have it. */
+static bool sample_rect(struct window_filler *filler, const struct level_store *store,
+                        struct clipmap_rect rect)
+{
+    struct terrain_grid grid = level_store_grid(store, rect);
+    size_t count = (size_t)rect.rows * (size_t)rect.cols;
+    bool late = false;
+    if (!sample_source(filler, filler->source, &grid, filler->altitude_m, &late))
+        for (size_t i = 0; i < count; i++)
+            filler->altitude_m[i] = NAN;
+    settle_ground(filler, &grid, count, &late);
+    sample_undulation(filler, &grid);
+    filler->posts_sampled += count;
+    return late;
+}
+
+static void add_heights(struct loader_update *update, const struct level_store *store,
+                        const struct level_store *coarser, struct loader_strip *strip)
+{
+    strip->height_offset = update->height_count;
+    level_store_export_heights(store, coarser, strip->posts,
+                               update->heights + update->height_count);
+    update->height_count += (size_t)strip->posts.rows * (size_t)strip->posts.cols;
+}
+
+static void add_strip(struct loader_update *update, const struct level_store *store,
+                      const struct level_store *coarser, struct clipmap_rect half_posts)
+{
+    assert(update->strip_count < LOADER_MAX_STRIPS);
+    struct loader_strip strip = {
+        .level = store->level,
+        .posts = level_store_posts(half_posts),
+        .half_posts = half_posts,
+        .surface_offset = update->surface_count,
+    };
+    add_heights(update, store, coarser, &strip);
+    level_store_export_surfaces(store, half_posts, update->surfaces + update->surface_count);
+    update->surface_count += (size_t)half_posts.rows * (size_t)half_posts.cols;
+    update->strips[update->strip_count++] = strip;
+}
+
+static struct clipmap_window in_half_posts(struct clipmap_window window)
+{
+    return (struct clipmap_window){2 * window.row0, 2 * window.col0};
+}
+
+static int32_t smaller(int32_t a, int32_t b)
+{
+    return a < b ? a : b;
+}
+
+static int32_t greater(int32_t a, int32_t b)
+{
+    return a > b ? a : b;
+}
+
+/* Of a rectangle and a square window of `side`; rows or cols are 0 or less where they do not meet.
+ */
+static struct clipmap_rect common_part(struct clipmap_rect rect, struct clipmap_window window,
+                                       int side)
+{
+    int32_t south = greater(rect.row0, window.row0), west = greater(rect.col0, window.col0);
+    int32_t north = smaller(rect.row0 + rect.rows, window.row0 + side);
+    int32_t east = smaller(rect.col0 + rect.cols, window.col0 + side);
+    return (struct clipmap_rect){south, west, north - south, east - west};
+}
+
+/* Cuts a rectangle so that each part can be sampled again when its own tiles are there. With no
+ * room left (the windows moved far while nothing came) a part stays coarse until it is left. */
+static void remember_late(struct window_filler *filler, int level, struct clipmap_rect rect)
+{
+    for (int r = 0; r < rect.rows; r += LATE_SIDE)
+        for (int c = 0; c < rect.cols; c += LATE_SIDE)
+            if (filler->late_count < filler->late_capacity)
+                filler->late[filler->late_count++] = (struct late_part){
+                    .level = level,
+                    .half_posts = {rect.row0 + r, rect.col0 + c, smaller(LATE_SIDE, rect.rows - r),
+                                   smaller(LATE_SIDE, rect.cols - c)},
+                };
+}
+
+/* Drops what has left the windows. */
+static void forget_late(struct window_filler *filler)
+{
+    size_t kept = 0;
+    int side = level_half_posts(&filler->shape);
+    for (size_t i = 0; i < filler->late_count; i++) {
+        struct late_part part = filler->late[i];
+        const struct level_store *store = &filler->stores[part.level];
+        part.half_posts = common_part(part.half_posts, in_half_posts(store->window), side);
+        if (store->filled && part.half_posts.rows > 0 && part.half_posts.cols > 0)
+            filler->late[kept++] = part;
+    }
+    filler->late_count = kept;
+}
+
+static const struct level_store *coarser_than(const struct window_filler *filler, int level)
+{
+    return level + 1 < filler->shape.levels ? &filler->stores[level + 1] : NULL;
+}
+
+/* Brings one level to its new window and puts what it gained into the update. */
+static void move_level(struct window_filler *filler, int level, const struct clipmap_layout *layout,
+                       struct loader_update *update)
+{
+    struct level_store *store = &filler->stores[level];
+    const struct level_store *coarser = coarser_than(filler, level);
+    struct clipmap_window to = layout->windows[level];
+    struct clipmap_rect rects[2];
+    int side = level_half_posts(&filler->shape), count = 1;
+    if (store->filled && store->lon_factor == layout->lon_factor)
+        count = clipmap_uncovered(side, in_half_posts(store->window), in_half_posts(to), rects);
+    else
+        rects[0] = (struct clipmap_rect){2 * to.row0, 2 * to.col0, side, side};
+    store->window = to;
+    store->lon_factor = layout->lon_factor;
+    store->filled = true;
+    for (int i = 0; i < count; i++) {
+        if (sample_rect(filler, store, rects[i]))
+            remember_late(filler, level, rects[i]);
+        level_store_put(store, rects[i], filler->altitude_m, filler->undulation_m, filler->water);
+    }
+    for (int i = 0; i < count; i++) {
+        add_strip(update, store, coarser, level_store_grown(store, rects[i]));
+        level_store_bound(store, coarser, level_store_posts(rects[i]));
+    }
+}
+
+static void ground_below(struct window_filler *filler, double lat_deg, double lon_deg,
+                         struct loader_update *update)
+{
+    double altitude_m = NAN;
+    filler->source->ops->sample_point(filler->source, lat_deg, lon_deg, &altitude_m);
+    if (isnan(altitude_m) && filler->fallback)
+        filler->fallback->ops->sample_point(filler->fallback, lat_deg, lon_deg, &altitude_m);
+    if (isnan(altitude_m))
+        altitude_m = 0.0;
+    update->undulation_m =
+        filler->geoid ? (float)geoid_undulation_m(filler->geoid, lat_deg, lon_deg) : 0.0f;
+    update->ground_m = (float)altitude_m + update->undulation_m;
+}
+
+/* What every update says, whatever its strips. */
+static void close_update(const struct window_filler *filler, struct loader_update *update)
+{
+    int squares = level_squares(&filler->shape);
+    size_t per_level = (size_t)squares * (size_t)squares;
+    update->layout = filler->layout;
+    update->finest = filler->finest;
+    update->late = filler->late_count > 0;
+    for (int level = filler->finest; level < filler->shape.levels; level++)
+        memcpy(update->bounds + (size_t)level * per_level, filler->stores[level].bounds,
+               per_level * sizeof(*update->bounds));
+}
+
+static void open_update(struct loader_update *update)
+{
+    update->strip_count = 0;
+    update->height_count = update->surface_count = 0;
+}
+
+void window_filler_move(struct window_filler *filler, const struct clipmap_layout *layout,
+                        int finest, double lat_deg, double lon_deg, struct loader_update *update)
+{
+    if (filler->placed && filler->layout.lon_factor != layout->lon_factor)
+        filler->late_count = 0; /* everything is sampled anew */
+    filler->layout = *layout;
+    filler->finest = finest;
+    filler->placed = true;
+    open_update(update);
+    for (int level = filler->shape.levels - 1; level >= 0; level--) {
+        if (level >= finest)
+            move_level(filler, level, layout, update);
+        else
+            filler->stores[level].filled = false;
+    }
+    forget_late(filler);
+    ground_below(filler, lat_deg, lon_deg, update);
+    close_update(filler, update);
+}
+
+/* The posts of the finer level that lie on or between `posts` of a coarser one. */
+static void add_finer_heights(struct window_filler *filler, int level, struct clipmap_rect posts,
+                              struct loader_update *update)
+{
+    if (level <= filler->finest)
+        return;
+    struct level_store *finer = &filler->stores[level - 1];
+    struct clipmap_rect touched = {2 * posts.row0 - 1, 2 * posts.col0 - 1, 2 * posts.rows + 1,
+                                   2 * posts.cols + 1};
+    struct loader_strip strip = {.level = level - 1};
+    strip.posts = common_part(touched, finer->window, filler->shape.n);
+    if (strip.posts.rows <= 0 || strip.posts.cols <= 0)
+        return;
+    add_heights(update, finer, &filler->stores[level], &strip);
+    update->strips[update->strip_count++] = strip;
+    level_store_bound(finer, &filler->stores[level], strip.posts);
+}
+
+/* True where the part is as good as the source has it now. */
+static bool refresh_part(struct window_filler *filler, const struct late_part *part,
+                         struct loader_update *update)
+{
+    struct level_store *store = &filler->stores[part->level];
+    const struct level_store *coarser = coarser_than(filler, part->level);
+    struct clipmap_rect posts = level_store_posts(part->half_posts);
+    bool late = sample_rect(filler, store, part->half_posts);
+    if (level_store_put(store, part->half_posts, filler->altitude_m, filler->undulation_m,
+                        filler->water)) {
+        add_strip(update, store, coarser, level_store_grown(store, part->half_posts));
+        level_store_bound(store, coarser, posts);
+        add_finer_heights(filler, part->level, posts, update);
+    }
+    return !late;
+}
+
+bool window_filler_refresh(struct window_filler *filler, struct loader_update *update,
+                           size_t *ret_tried)
+{
+    size_t tried = filler->late_count < REFRESH_PARTS ? filler->late_count : REFRESH_PARTS;
+    struct late_part parts[REFRESH_PARTS];
+    memcpy(parts, filler->late, tried * sizeof(*parts));
+    filler->late_count -= tried;
+    memmove(filler->late, filler->late + tried, filler->late_count * sizeof(*parts));
+    open_update(update);
+    for (size_t i = 0; i < tried; i++)
+        if (!refresh_part(filler, &parts[i], update))
+            filler->late[filler->late_count++] = parts[i];
+    close_update(filler, update);
+    *ret_tried = tried;
+    return update->strip_count > 0 || filler->late_count == 0;
+}
+
+void window_filler_look_ahead(struct window_filler *filler, double lat_deg, double lon_deg)
+{
+    struct terrain_source *source = filler->source;
+    int side = level_half_posts(&filler->shape);
+    struct clipmap_layout layout;
+    if (!source->ops->prefetch || !filler->placed)
+        return;
+    clipmap_place(&filler->shape, lat_deg, lon_deg, filler->layout.lon_factor, &layout);
+    for (int level = filler->shape.levels - 1; level >= filler->finest; level--) {
+        struct clipmap_window to = in_half_posts(layout.windows[level]);
+        struct clipmap_rect rects[2];
+        int count =
+            clipmap_uncovered(side, in_half_posts(filler->layout.windows[level]), to, rects);
+        for (int i = 0; i < count; i++) {
+            struct terrain_grid grid = level_store_grid(&filler->stores[level], rects[i]);
+            source->ops->prefetch(source, &grid);
+        }
+    }
+}

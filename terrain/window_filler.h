@@ -1,0 +1,51 @@
+/* What the loader's thread works with: the ground of all clipmap windows in main memory, sampled
+ * from the terrain source, and the strips for the renderer that follow from it.
+ *
+ * A source may answer with coarser heights than it has (TERRAIN_LATE). What was sampled so is
+ * remembered and sampled again when the source has more. One thread. */
+#pragma once
+
+#include "geo/geographic.h"
+#include "terrain/level_store.h"
+#include "terrain/source.h"
+
+/* Part of a level that is coarser than the source has it. */
+struct late_part {
+    int level;
+    struct clipmap_rect half_posts;
+};
+
+struct window_filler {
+    struct clipmap_shape shape;
+    struct terrain_source *source, *fallback; /* borrowed; fallback may be NULL */
+    struct geoid *geoid;                      /* borrowed; may be NULL */
+    struct level_store stores[CLIPMAP_MAX_LEVELS];
+    struct clipmap_layout layout;
+    int finest;
+    bool placed;
+    bool patient; /* waits for late heights */
+    bool *water;
+    float *altitude_m, *fallback_m, *undulation_m; /* of a window's half-posts, scratch */
+    struct late_part *late;
+    size_t late_count, late_capacity;
+    uint64_t posts_sampled;
+};
+
+/* Returns 0 or -ENOMEM; finish is legal after either. */
+int window_filler_init(struct window_filler *filler, const struct clipmap_shape *shape,
+                       struct terrain_source *source, struct terrain_source *fallback,
+                       struct geoid *geoid);
+void window_filler_finish(struct window_filler *filler);
+
+/* Moves all levels from `finest` on to `layout` and fills the update with what they gained; the
+ * ground under the place is put in, too. */
+void window_filler_move(struct window_filler *filler, const struct clipmap_layout *layout,
+                        int finest, double lat_deg, double lon_deg, struct loader_update *update);
+
+/* Samples again what was late longest, as much as an update holds. False where nothing came of it:
+ * the update is then not worth handing over. `ret_tried`: how many parts were sampled. */
+bool window_filler_refresh(struct window_filler *filler, struct loader_update *update,
+                           size_t *ret_tried);
+
+/* Asks the source for what the windows will need at a place. */
+void window_filler_look_ahead(struct window_filler *filler, double lat_deg, double lon_deg);

@@ -1,0 +1,28 @@
+#!/bin/sh
+# `otwd height` as a coprocess: each answer comes while the questions still stand open.
+. "$(dirname "$0")/common.sh"
+
+{
+    printf 'ncols 60\nnrows 60\nxllcorner 7.9\nyllcorner 46.4\ncellsize 0.01\n'
+    awk 'BEGIN { for (i = 0; i < 60; i++) { for (j = 0; j < 60; j++) printf "1234 "; print "" } }'
+} >flat.asc
+"$OTWD" import flat.asc --crs EPSG:4326 -o flat.db >import.log 2>&1
+case $? in
+0) ;;
+69)
+    echo "skip: no otwd-import"
+    exit 77
+    ;;
+*) fatal "import" ;;
+esac
+mkfifo questions answers
+start height.log sh -c "'$OTWD' height flat.db <questions >answers"
+exec 3>questions 4<answers
+for lon in 8.1 8.2; do
+    echo "46.7 $lon" >&3
+    answer=$(timeout 5 head -n 1 <&4) || fail "no answer while the questions stand open"
+    awk -v h="$answer" 'BEGIN { exit !(h > 1233.9 && h < 1234.1) }' || fail "height \"$answer\""
+done
+exec 3>&-
+wait "$started" || fail "status $?"
+finish

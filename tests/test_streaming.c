@@ -1,0 +1,280 @@
+/* Terrain that comes from a disk while it is looked at: what is late, what stands in for it, and
+ * that nothing of that stays. */
+#include <pthread.h>
+#include <stdatomic.h>
+#include <time.h>
+
+#include "base/clock.h"
+#include "terrain/loader.h"
+#include "terrain/tile_cache.h"
+#include "tests/database_fixture.h"
+
+static void nap(void)
+{
+    nanosleep(&(struct timespec){.tv_nsec = 1000000}, NULL);
+}
+
+static atomic_uint arrivals;
+
+static void on_arrival(void *user)
+{
+    (void)user;
+    atomic_fetch_add(&arrivals, 1);
+}
+
+static const struct terrain_grid place = {1.0 / 120.0, 2.0 / 120.0, 7250, -1380, 60, 60};
+
+static void what_is_late_is_coarser_at_first(void)
+{
+    static float first[60 * 60], last[60 * 60], known[60 * 60];
+    struct diag diag = {""};
+    build_exact(path_of("exact.db"));
+    struct terrain_source *patient = open_source(path_of("exact.db"));
+    struct terrain_source *source = open_source(path_of("exact.db"));
+    if (!patient || !source)
+        return;
+    CHECK_INT(patient->ops->sample_grid(patient, &place, known), 0);
+    CHECK_INT(source->ops->stream(source, on_arrival, NULL, &diag), 0);
+    CHECK_INT(source->ops->sample_grid(source, &place, first), TERRAIN_LATE);
+    CHECK(source->tile_misses > 0);
+    CHECK(source->tiles_pending > 0);
+    int r = TERRAIN_LATE;
+    for (int i = 0; r == TERRAIN_LATE && i < 20; i++) {
+        source->ops->settle(source);
+        r = source->ops->sample_grid(source, &place, last);
+    }
+    CHECK_INT(r, 0);
+    CHECK(memcmp(last, known, sizeof(known)) == 0);
+    CHECK(source->tile_hits > 0);
+    CHECK_INT(source->tiles_pending, 0);
+    CHECK(source->longest_late_ms > 0.0);
+    CHECK(atomic_load(&arrivals) > 0);
+    terrain_source_destroy(source);
+    terrain_source_destroy(patient);
+}
+
+static void what_was_asked_for_ahead_is_there(void)
+{
+    static float heights[60 * 60];
+    struct diag diag = {""};
+    struct terrain_source *source = open_source(path_of("exact.db"));
+    if (!source)
+        return;
+    CHECK_INT(source->ops->stream(source, on_arrival, NULL, &diag), 0);
+    source->ops->focus(source, 60.5, -22.5);
+    unsigned before = atomic_load(&arrivals), seen = before - 1;
+    source->ops->prefetch(source, &place);
+    while (seen != atomic_load(&arrivals)) { /* until nothing has come for 50 ms */
+        seen = atomic_load(&arrivals);
+        for (int i = 0; i < 50; i++)
+            nap();
+    }
+    CHECK(seen > before);
+    CHECK_INT(source->ops->sample_grid(source, &place, heights), 0);
+    CHECK_INT(source->tile_misses, 0);
+    CHECK(source->prefetched > 0);
+    terrain_source_destroy(source);
+}
+
+struct reader {
+    struct tile_cache *cache;
+    struct tile_cache *single; /* of this thread alone */
+    uint32_t seed;
+    int wrong, ready;
+};
+
+static void *read_tiles(void *data)
+{
+    struct reader *reader = data;
+    nsec_t end_ns = clock_monotonic_ns() + 20 * NSEC_PER_SEC;
+    for (int i = 0; (i < 4000 || reader->ready < 500) && clock_monotonic_ns() < end_ns; i++) {
+        reader->seed = reader->seed * 1664525u + 1013904223u;
+        struct tile_id id = {(int)(reader->seed >> 30), 0, 0};
+        id.row = (57 + (int)(reader->seed >> 20 & 1)) >> id.level;
+        id.col = (73 + (int)(reader->seed >> 12 & 3)) >> id.level;
+        struct tile_pin pin;
+        int status;
+        tile_cache_pin(reader->cache, id, (float)(reader->seed >> 28), &pin);
+        const float *known = tile_cache_look(reader->single, id, &status);
+        if (!pin.late) {
+            reader->ready++;
+            if ((pin.heights_m == NULL) != (known == NULL) ||
+                (known && memcmp(pin.heights_m, known, TILE_POST_COUNT * sizeof(float)) != 0))
+                reader->wrong++;
+        }
+        tile_cache_unpin(reader->cache, &pin);
+    }
+    return NULL;
+}
+
+/* 64 entries, 4 readers, 3 workers: everything is pinned, made and thrown out all the time. */
+static void many_threads_see_whole_tiles_only(void)
+{
+    struct diag diag = {""};
+    struct database *database = NULL, *own[4] = {NULL};
+    struct reader readers[4] = {{NULL}};
+    pthread_t threads[4];
+    struct tile_cache *cache = NULL;
+    CHECK_INT(database_open(path_of("exact.db"), &database, &diag), 0);
+    CHECK_INT(tile_cache_create(database, 1, &cache), 0);
+    CHECK_INT(tile_cache_start(cache, 3, on_arrival, NULL, &diag), 0);
+    for (int i = 0; i < 4; i++) {
+        readers[i] = (struct reader){.cache = cache, .seed = (uint32_t)i};
+        CHECK_INT(database_open(path_of("exact.db"), &own[i], &diag), 0);
+        CHECK_INT(tile_cache_create(own[i], 64, &readers[i].single), 0);
+        CHECK_INT(pthread_create(&threads[i], NULL, read_tiles, &readers[i]), 0);
+    }
+    for (int i = 0; i < 4; i++) {
+        pthread_join(threads[i], NULL);
+        CHECK_INT(readers[i].wrong, 0);
+        CHECK(readers[i].ready >= 500);
+        tile_cache_destroy(readers[i].single);
+        database_close(own[i]);
+    }
+    tile_cache_destroy(cache);
+    database_close(database);
+}
+
+/* What a renderer would have in its textures. */
+struct picture {
+    struct loader *loader;
+    void *arenas[LOADER_UPDATES];
+    struct loader_height *heights; /* [levels][side][side] */
+    struct loader_surface *surfaces;
+    struct clipmap_layout layout;
+    bool late, was_late;
+};
+
+static const struct clipmap_shape shape = {.n = 31, .levels = 6, .step_deg = 1.0 / 480.0};
+
+static void lay(void *texture, size_t element, int side, int level, struct clipmap_rect rect,
+                const void *from)
+{
+    for (int r = 0; r < rect.rows; r++)
+        for (int c = 0; c < rect.cols; c++) {
+            int y = (rect.row0 + r) & (side - 1), x = (rect.col0 + c) & (side - 1);
+            memcpy((char *)texture + element * (size_t)((level * side + y) * side + x),
+                   (const char *)from + element * (size_t)(r * rect.cols + c), element);
+        }
+}
+
+static void take_updates(struct picture *picture)
+{
+    int side = clipmap_storage(&shape);
+    struct loader_update *update;
+    while ((update = loader_take(picture->loader))) {
+        for (unsigned i = 0; i < update->strip_count; i++) {
+            const struct loader_strip *s = &update->strips[i];
+            lay(picture->heights, sizeof(struct loader_height), side, s->level, s->posts,
+                update->heights + s->height_offset);
+            lay(picture->surfaces, sizeof(struct loader_surface), 2 * side, s->level, s->half_posts,
+                update->surfaces + s->surface_offset);
+        }
+        picture->layout = update->layout;
+        picture->late = update->late;
+        picture->was_late |= update->late;
+        loader_give_back(picture->loader, update);
+    }
+}
+
+static void open_picture(struct picture *picture)
+{
+    struct diag diag = {""};
+    size_t texels =
+        (size_t)shape.levels * (size_t)clipmap_storage(&shape) * (size_t)clipmap_storage(&shape);
+    struct loader_params params = {.shape = shape, .source = open_source(path_of("exact.db"))};
+    for (int i = 0; i < LOADER_UPDATES; i++)
+        params.arenas[i] = picture->arenas[i] = malloc(loader_arena_bytes(&shape));
+    picture->heights = calloc(texels, sizeof(*picture->heights));
+    picture->surfaces = calloc(4 * texels, sizeof(*picture->surfaces));
+    if (loader_start(&params, &picture->loader, &diag) < 0)
+        CHECK_FAIL("%s", diag.text);
+}
+
+static void close_picture(struct picture *picture)
+{
+    loader_stop(picture->loader);
+    for (int i = 0; i < LOADER_UPDATES; i++)
+        free(picture->arenas[i]);
+    free(picture->heights);
+    free(picture->surfaces);
+}
+
+/* Counts the elements of a rectangle that differ in two toroidal textures. */
+static int differences_of(const void *a, const void *b, size_t element, int side, int level,
+                          struct clipmap_rect rect)
+{
+    int different = 0;
+    for (int r = 0; r < rect.rows; r++)
+        for (int c = 0; c < rect.cols; c++) {
+            int y = (rect.row0 + r) & (side - 1), x = (rect.col0 + c) & (side - 1);
+            size_t at = element * (size_t)((level * side + y) * side + x);
+            different += memcmp((const char *)a + at, (const char *)b + at, element) != 0;
+        }
+    return different;
+}
+
+static int differences(const struct picture *a, const struct picture *b)
+{
+    int side = clipmap_storage(&shape), n = shape.n;
+    int different = memcmp(&a->layout, &b->layout, sizeof(a->layout)) != 0;
+    for (int level = 0; level < shape.levels; level++) {
+        struct clipmap_window window = a->layout.windows[level];
+        struct clipmap_rect posts = {window.row0, window.col0, n, n};
+        /* Slopes on the rim are one-sided or not, by when the neighbour left the window. */
+        struct clipmap_rect inside = {2 * window.row0 + 1, 2 * window.col0 + 1, 2 * n - 3,
+                                      2 * n - 3};
+        different +=
+            differences_of(a->heights, b->heights, sizeof(*a->heights), side, level, posts);
+        different +=
+            differences_of(a->surfaces, b->surfaces, sizeof(*a->surfaces), 2 * side, level, inside);
+    }
+    return different;
+}
+
+static void wish_for(struct picture *picture, int step, bool patient)
+{
+    loader_wish(picture->loader, 60.0 + 0.003 * step, -22.6 + 0.001 * step, 0, patient);
+}
+
+/* One picture waits for every tile; the other never does. */
+static void a_flight_that_outruns_its_tiles_ends_in_the_same_terrain(void)
+{
+    struct picture patient = {NULL}, hasty = {NULL};
+    open_picture(&patient);
+    open_picture(&hasty);
+    wish_for(&hasty, 0, false);
+    for (int i = 0; hasty.layout.lon_factor == 0.0 && i < 5000; i++, nap())
+        take_updates(&hasty);
+    CHECK(hasty.was_late);
+    for (int step = 1; step <= 400; step++) {
+        wish_for(&hasty, step, false);
+        take_updates(&hasty);
+    }
+    for (int step = 0; step <= 400; step++) {
+        wish_for(&patient, step, true);
+        loader_wait(patient.loader);
+        take_updates(&patient);
+        CHECK(!patient.late);
+    }
+    for (int i = 0; (i < 100 || hasty.late) && i < 5000; i++, nap())
+        take_updates(&hasty);
+    CHECK(!hasty.late);
+    CHECK_INT(differences(&patient, &hasty), 0);
+    close_picture(&hasty);
+    close_picture(&patient);
+}
+
+static const struct check_test tests[] = {
+    {"what is late is coarser at first, and right when it has come",
+     what_is_late_is_coarser_at_first},
+    {"what was asked for ahead is there when it is needed", what_was_asked_for_ahead_is_there},
+    {"many threads see whole tiles only", many_threads_see_whole_tiles_only},
+    {"a flight that outruns its tiles ends in the same terrain",
+     a_flight_that_outruns_its_tiles_ends_in_the_same_terrain},
+};
+
+int main(void)
+{
+    return database_tests_main(tests, sizeof(tests) / sizeof(tests[0]));
+}
