@@ -11,7 +11,8 @@
 #include "base/clock.h"
 #include "daemon/bench_codec.h"
 #include "daemon/import_options.h"
-#include "terrain/database.h"
+#include "terrain/image_encode.h"
+#include "terrain/imagery.h"
 
 static volatile sig_atomic_t stop_asked;
 
@@ -120,6 +121,36 @@ static void print_result(const struct arguments *arguments, const struct import_
     }
 }
 
+/* The layer that was added to. */
+static int report_imagery(const struct arguments *arguments, const struct import_result *result,
+                          struct database *database, struct diag *diag)
+{
+    struct database_layers layers;
+    struct imagery_level_info levels[IMAGERY_LEVELS_MAX], all = {0};
+    int r = database_list_layers(database, &layers, diag);
+    for (size_t i = 0; r == 0 && i < layers.count; i++) {
+        if (strcmp(layers.layers[i].name, result->layer) != 0)
+            continue;
+        r = imagery_count_tiles(database, &layers.layers[i], levels, diag);
+        for (int level = 0; r == 0 && level < IMAGERY_LEVELS_MAX; level++) {
+            all.tiles += levels[level].tiles;
+            all.bytes += levels[level].bytes;
+        }
+    }
+    if (r == 0)
+        database_layers_finish(&layers);
+    if (r == 0 && arguments->json)
+        printf("{\"sources_imported\": %zu, \"sources_skipped\": %zu, \"resumed\": %s, "
+               "\"layer\": \"%s\", \"tiles\": %llu, \"bytes\": %llu}\n",
+               result->imported, result->skipped, result->resumed ? "true" : "false", result->layer,
+               (unsigned long long)all.tiles, (unsigned long long)all.bytes);
+    else if (r == 0 && !arguments->quiet)
+        printf("%zu imported, %zu were there already; layer %s: %llu tiles, %llu bytes\n",
+               result->imported, result->skipped, result->layer, (unsigned long long)all.tiles,
+               (unsigned long long)all.bytes);
+    return r;
+}
+
 static int import_and_report(struct arguments *arguments, struct diag *diag)
 {
     struct import_result result;
@@ -134,6 +165,11 @@ static int import_and_report(struct arguments *arguments, struct diag *diag)
     }
     if (r == 0)
         r = database_open(arguments->import.database, &database, diag);
+    if (r == 0 && arguments->import.imagery) {
+        r = report_imagery(arguments, &result, database, diag);
+        database_close(database);
+        return r;
+    }
     if (r == 0)
         r = database_info(database, &info, diag);
     if (r == 0) {
@@ -186,7 +222,8 @@ int main(int argc, char **argv)
     argp_program_version = "otwd-import " OTWD_VERSION;
     if (argc > 1 && strcmp(argv[1], "--bench-codec") == 0)
         return close_output(bench_codec_main(argc - 1, argv + 1));
-    struct arguments arguments = {.import = {.fill_posts = IMPORT_FILL_DEFAULT}};
+    struct arguments arguments = {.import = {.fill_posts = IMPORT_FILL_DEFAULT},
+                                  .imagery = {.quality = IMAGE_QUALITY_DEFAULT}};
     struct diag diag = {.text = ""};
     int r = import_parse_arguments(argc, argv, &arguments);
     if (r != 0 || arguments.done) {

@@ -12,7 +12,8 @@
 static const char usage[] =
     "usage: otwd import SRC... -o DB [options]\n"
     "\n"
-    "Puts elevation rasters (any that GDAL reads, zipped ones too) into a terrain database.\n"
+    "Puts elevation rasters (any that GDAL reads, zipped ones too) into a terrain database; with\n"
+    "--imagery images, with --water masks of water, into one that has heights.\n"
     "An existing database is added to; an interrupted import goes on when it is run again.\n"
     "\n"
     "  -o, --output DB        the database\n"
@@ -29,6 +30,12 @@ static const char usage[] =
     "                         crs, nodata, priority in place of the options above\n"
     "      --fill POSTS       fill voids that are enclosed and at most so many posts wide (100);\n"
     "                         0: none\n"
+    "      --imagery          the sources are images, not elevation\n"
+    "      --water            the sources are masks: what is not 0 is water\n"
+    "      --layer NAME       the layer that they go into (imagery, water); --priority is then "
+    "the\n"
+    "                         layer's\n"
+    "      --quality N        of the stored images, 1 to 100 (85); 100 is lossless\n"
     "  -j, --jobs N           threads (one for each processor)\n"
     "      --shard I/N        only the I-th of N parts of the work; otwd merge puts the files "
     "together\n"
@@ -46,6 +53,10 @@ enum long_option {
     OPTION_SOURCES,
     OPTION_FILL,
     OPTION_SHARD,
+    OPTION_IMAGERY,
+    OPTION_WATER,
+    OPTION_LAYER,
+    OPTION_QUALITY,
     OPTION_VERIFY,
     OPTION_JSON,
     OPTION_VERSION,
@@ -64,6 +75,10 @@ static const struct option long_options[] = {
     {"fill", required_argument, NULL, OPTION_FILL},
     {"verify", required_argument, NULL, OPTION_VERIFY}, /* for otwd verify --against */
     {"shard", required_argument, NULL, OPTION_SHARD},
+    {"imagery", no_argument, NULL, OPTION_IMAGERY},
+    {"water", no_argument, NULL, OPTION_WATER},
+    {"layer", required_argument, NULL, OPTION_LAYER},
+    {"quality", required_argument, NULL, OPTION_QUALITY},
     {"json", no_argument, NULL, OPTION_JSON},
     {"quiet", no_argument, NULL, 'q'},
     {"help", no_argument, NULL, 'h'},
@@ -144,7 +159,8 @@ static int take_option(struct arguments *arguments, int option)
     case OPTION_PRIORITY:
         if (!whole_from_text(optarg, -1000000, 1000000, &whole))
             return bad_value("--priority", optarg, "a whole number, -1000000 to 1000000");
-        options->priority = (int)whole;
+        options->priority = arguments->layer_priority = (int)whole;
+        arguments->imagery.priority = &arguments->layer_priority;
         return 0;
     case 'j':
         if (!whole_from_text(optarg, 1, 64, &whole))
@@ -165,6 +181,21 @@ static int take_option(struct arguments *arguments, int option)
         if (shard_from_text(optarg, &import->shard, &import->shard_count))
             return 0;
         return bad_value("--shard", optarg, "I/N, 1/N to N/N");
+    case OPTION_WATER:
+        arguments->imagery.water = true;
+        import->imagery = &arguments->imagery;
+        return 0;
+    case OPTION_IMAGERY:
+        import->imagery = &arguments->imagery;
+        return 0;
+    case OPTION_LAYER:
+        arguments->imagery.layer = optarg;
+        return 0;
+    case OPTION_QUALITY:
+        if (!whole_from_text(optarg, 1, 100, &whole))
+            return bad_value("--quality", optarg, "a whole number, 1 to 100");
+        arguments->imagery.quality = (int)whole;
+        return 0;
     case OPTION_JSON:
         arguments->json = true;
         return 0;

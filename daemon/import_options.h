@@ -7,7 +7,9 @@ struct arguments {
     struct import_params import;
     struct import_options options; /* of sources that are not in a list */
     struct import_input *inputs;   /* owned */
-    char **lines;                  /* of lists: what inputs point into; owned */
+    struct import_imagery_params imagery;
+    int layer_priority;
+    char **lines; /* of lists: what inputs point into; owned */
     size_t line_count;
     double max_error_m;
     const char *verified;   /* a database to compare the sources with; NULL: import them */

@@ -1,12 +1,13 @@
 /* `otwd info DB`: what a terrain database holds. */
 #include <errno.h>
 #include <jansson.h>
+#include <math.h>
 #include <stdio.h>
 #include <sysexits.h>
 
 #include "daemon/cli.h"
 #include "daemon/commands.h"
-#include "terrain/database.h"
+#include "terrain/imagery.h"
 
 struct info_options {
     const char *database;
@@ -75,6 +76,74 @@ static void print_info(const struct database_info *info)
     }
 }
 
+static const char *kind_name(enum image_kind kind)
+{
+    return kind == IMAGE_WATER ? "water" : "colour";
+}
+
+static double texel_deg(const struct database_info *info, int level)
+{
+    return ldexp(0.5, level) / info->grid.posts_per_degree;
+}
+
+static int print_layers(struct database *database, const struct database_info *info,
+                        const struct database_layers *layers, struct diag *diag)
+{
+    struct imagery_level_info levels[IMAGERY_LEVELS_MAX];
+    int r = 0;
+    for (size_t i = 0; r == 0 && i < layers->count; i++) {
+        const struct database_layer *layer = &layers->layers[i];
+        printf("layer         %s, %s, priority %d, texels of %.6g arc seconds\n", layer->name,
+               kind_name(layer->kind), layer->priority, texel_deg(info, layer->level) * 3600.0);
+        r = imagery_count_tiles(database, layer, levels, diag);
+        for (int j = 0; r == 0 && j < IMAGERY_LEVELS_MAX; j++)
+            if (levels[j].tiles)
+                printf("  level %-4d  %llu tiles, %llu bytes\n", layer->level + j,
+                       (unsigned long long)levels[j].tiles, (unsigned long long)levels[j].bytes);
+        for (size_t j = 0; j < layers->image_count; j++)
+            if (layers->images[j].layer == layer->id)
+                printf("  image       %s, %d x %d\n", layers->images[j].name,
+                       layers->images[j].width, layers->images[j].height);
+    }
+    return r;
+}
+
+static json_t *json_images(const struct database_layers *layers, int layer)
+{
+    json_t *list = json_array();
+    for (size_t i = 0; i < layers->image_count; i++) {
+        const struct database_image *image = &layers->images[i];
+        if (image->layer == layer)
+            json_array_append_new(list, json_pack("{s:s,s:i,s:i,s:I}", "name", image->name, "width",
+                                                  image->width, "height", image->height, "bytes",
+                                                  (json_int_t)image->bytes));
+    }
+    return list;
+}
+
+static int json_layers(struct database *database, const struct database_info *info,
+                       const struct database_layers *layers, json_t *list, struct diag *diag)
+{
+    struct imagery_level_info levels[IMAGERY_LEVELS_MAX];
+    int r = 0;
+    for (size_t i = 0; r == 0 && i < layers->count; i++) {
+        const struct database_layer *layer = &layers->layers[i];
+        json_t *counts = json_array();
+        r = imagery_count_tiles(database, layer, levels, diag);
+        for (int j = 0; r == 0 && j < IMAGERY_LEVELS_MAX; j++)
+            if (levels[j].tiles)
+                json_array_append_new(counts, json_pack("{s:i,s:I,s:I}", "level", layer->level + j,
+                                                        "tiles", (json_int_t)levels[j].tiles,
+                                                        "bytes", (json_int_t)levels[j].bytes));
+        json_array_append_new(list,
+                              json_pack("{s:s,s:s,s:i,s:f,s:o,s:o}", "name", layer->name, "kind",
+                                        kind_name(layer->kind), "priority", layer->priority,
+                                        "texel_deg", texel_deg(info, layer->level), "levels",
+                                        counts, "images", json_images(layers, layer->id)));
+    }
+    return r;
+}
+
 static json_t *json_sources(const struct database_info *info)
 {
     json_t *list = json_array();
@@ -88,26 +157,29 @@ static json_t *json_sources(const struct database_info *info)
     return list;
 }
 
-static void print_json(const struct database_info *info)
+static int print_json(struct database *database, const struct database_info *info,
+                      const struct database_layers *layers, struct diag *diag)
 {
-    json_t *levels = json_array();
+    json_t *levels = json_array(), *imagery = json_array();
+    int r = json_layers(database, info, layers, imagery, diag);
     for (int level = 0; level < info->levels; level++)
         json_array_append_new(levels, json_pack("{s:I,s:I,s:f}", "tiles",
                                                 (json_int_t)info->level[level].tiles, "bytes",
                                                 (json_int_t)info->level[level].bytes, "error_m",
                                                 info->level[level].error_m));
     json_t *root = json_pack(
-        "{s:s,s:i,s:f,s:{s:f,s:f,s:f,s:f},s:f,s:f,s:f,s:f,s:f,s:I,s:I,s:f,s:o,s:o}", "path",
+        "{s:s,s:i,s:f,s:{s:f,s:f,s:f,s:f},s:f,s:f,s:f,s:f,s:f,s:I,s:I,s:f,s:o,s:o,s:o}", "path",
         info->path, "format", info->version, "posts_per_degree", info->grid.posts_per_degree,
         "extent_deg", "south", info->south_deg, "west", info->west_deg, "north", info->north_deg,
         "east", info->east_deg, "lat_step_deg", info->finest_lat_step_deg, "lon_step_deg",
         info->finest_lon_step_deg, "min_m", info->min_m, "max_m", info->max_m, "max_error_m",
         info->max_error_m, "posts", (json_int_t)info->posts, "file_bytes",
         (json_int_t)info->file_bytes, "bytes_per_post", info->bytes_per_post, "levels", levels,
-        "sources", json_sources(info));
+        "sources", json_sources(info), "layers", imagery);
     json_dumpf(root, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(12));
     putchar('\n');
     json_decref(root);
+    return r;
 }
 
 int info_main(int argc, char **argv)
@@ -117,15 +189,19 @@ int info_main(int argc, char **argv)
     struct diag diag = {0};
     struct database *database = NULL;
     struct database_info info = {0};
+    struct database_layers layers = {.count = 0};
     int r = database_open(options.database, &database, &diag);
     if (r == 0)
         r = database_info(database, &info, &diag);
-    if (r == 0) {
-        if (options.json)
-            print_json(&info);
-        else
-            print_info(&info);
+    if (r == 0)
+        r = database_list_layers(database, &layers, &diag);
+    if (r == 0 && options.json) {
+        r = print_json(database, &info, &layers, &diag);
+    } else if (r == 0) {
+        print_info(&info);
+        r = print_layers(database, &info, &layers, &diag);
     }
+    database_layers_finish(&layers);
     database_info_finish(&info);
     database_close(database);
     return r < 0 ? cli_fail(r, &diag) : EX_OK;

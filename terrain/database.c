@@ -117,6 +117,8 @@ void database_close(struct database *database)
         return;
     sqlite3_finalize(database->read_tile);
     sqlite3_finalize(database->write_tile);
+    sqlite3_finalize(database->read_image);
+    sqlite3_finalize(database->write_image);
     sqlite3_close(database->sql);
     free(database);
 }

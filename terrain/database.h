@@ -86,7 +86,8 @@ struct database_info {
     struct database_level_info level[GRID_LEVELS_MAX];
     uint64_t posts; /* with data, on the finest level that is there, shared borders counted once */
     uint64_t file_bytes;
-    double bytes_per_post; /* file over posts */
+    uint64_t image_bytes;  /* of the file, tiles of imagery */
+    double bytes_per_post; /* the rest of the file over posts */
     size_t source_count;
     struct database_source_info *sources; /* owned */
 };
@@ -113,7 +114,8 @@ typedef bool (*database_verify_function)(void *user, const struct database_fault
 
 /* Decodes every tile and checks: SQLite's own structure, checksums, minimum and maximum, that
  * shared borders are equal in both tiles, that every post of a coarser level equals the finer
- * level's, that the stated error holds, that no tile is missing. Returns 0 where it could look at
+ * level's, that the stated error holds, that no tile is missing; and the imagery
+ * (terrain/imagery.h). Returns 0 where it could look at
  * everything (faults are in the report), or -errno. `function` may be NULL. */
 int database_verify(struct database *database, database_verify_function function, void *user,
                     struct database_verify_report *ret_report, struct diag *diag);

@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "terrain/database_internal.h"
+#include "terrain/database_layers.h"
 #include "terrain/database_writer.h"
 
 /* Decision 0006 has the measurements: payloads lie one behind the other in packs, because what the
@@ -177,6 +178,8 @@ int database_compose(const char *path, struct database *const parts[], size_t co
         r = copy_sources(output, parts[0], diag);
     if (r == 0)
         r = copy_tiles(output, parts, count, diag);
+    if (r == 0)
+        r = database_copy_images(output, parts, count, diag);
     if (r == 0)
         r = database_seal_meta(output, diag);
     if (r == 0)

@@ -126,6 +126,20 @@ static int fill_sources(struct database *database, struct database_info *info, s
     return r;
 }
 
+/* What imagery takes, so that the rest can be said of heights. */
+static int sum_images(struct database *database, uint64_t *ret_bytes, struct diag *diag)
+{
+    sqlite3_stmt *row = NULL;
+    int r =
+        database_sql_prepare(database, "SELECT sum(length(payload)) FROM image_tiles", &row, diag);
+    if (r == 0)
+        r = database_sql_step(database, row, "reading images", diag);
+    if (r == 1)
+        *ret_bytes = (uint64_t)sqlite3_column_int64(row, 0);
+    sqlite3_finalize(row);
+    return r < 0 ? r : 0;
+}
+
 int database_info(struct database *database, struct database_info *ret_info, struct diag *diag)
 {
     struct database_info info = {.version = DATABASE_FORMAT_VERSION,
@@ -135,6 +149,8 @@ int database_info(struct database *database, struct database_info *ret_info, str
     snprintf(info.path, sizeof(info.path), "%s", database->path);
     struct database_extent extent;
     int r = fill_levels(database, &info, diag);
+    if (r == 0 && database->has_images)
+        r = sum_images(database, &info.image_bytes, diag);
     if (r == 0)
         r = database_extent_of(database, &extent, diag);
     if (r == 0)
@@ -152,7 +168,8 @@ int database_info(struct database *database, struct database_info *ret_info, str
     struct stat status;
     if (stat(database->path, &status) == 0)
         info.file_bytes = (uint64_t)status.st_size;
-    info.bytes_per_post = info.posts ? (double)info.file_bytes / (double)info.posts : 0.0;
+    info.bytes_per_post =
+        info.posts ? (double)(info.file_bytes - info.image_bytes) / (double)info.posts : 0.0;
     *ret_info = info;
     return 0;
 }

@@ -7,12 +7,13 @@
 
 struct database {
     sqlite3 *sql;
-    sqlite3_stmt *read_tile;  /* key -> the columns of TILE_COLUMNS */
-    sqlite3_stmt *write_tile; /* only where writable */
+    sqlite3_stmt *read_tile;                /* key -> the columns of TILE_COLUMNS */
+    sqlite3_stmt *write_tile;               /* only where writable */
+    sqlite3_stmt *read_image, *write_image; /* NULL until the first */
     struct grid grid;
     double max_error_m, step_m;
     int top_level; /* coarsest level: its tiles have no parent */
-    bool part;
+    bool part, has_images;
     char path[DATABASE_NAME_MAX];
 };
 
@@ -61,7 +62,7 @@ int database_get_meta(const struct database *database, const char *key, char *re
                       size_t size, struct diag *diag);
 
 /* CRC-32 over "key=value\n" of all metadata but `checksum` itself, in the order of the keys, then
- * over every source as one line of text. */
+ * over every source as one line of text, and over layers and images. */
 int database_meta_checksum(const struct database *database, uint32_t *ret_checksum,
                            struct diag *diag);
 int database_seal_meta(struct database *database, struct diag *diag);

@@ -79,11 +79,25 @@ int database_set_meta(struct database *database, const char *key, const char *va
     return r;
 }
 
+/* CRC-32, going on from `crc`, over the texts that a statement gives. */
+static int sum_texts(const struct database *database, const char *sql, uint32_t *crc,
+                     struct diag *diag)
+{
+    sqlite3_stmt *statement = NULL;
+    int r = database_sql_prepare(database, sql, &statement, diag);
+    while (r >= 0 && (r = database_sql_step(database, statement, "reading metadata", diag)) == 1) {
+        const unsigned char *line = sqlite3_column_text(statement, 0);
+        *crc = (uint32_t)crc32(*crc, line, (uInt)sqlite3_column_bytes(statement, 0));
+    }
+    sqlite3_finalize(statement);
+    return r;
+}
+
 int database_meta_checksum(const struct database *database, uint32_t *ret_checksum,
                            struct diag *diag)
 {
-    sqlite3_stmt *statement = NULL;
-    int r = database_sql_prepare(
+    uint32_t crc = 0;
+    int r = sum_texts(
         database,
         "SELECT * FROM (SELECT key || '=' || value || char(10) FROM metadata "
         " WHERE key <> 'checksum' ORDER BY key) UNION ALL "
@@ -91,15 +105,18 @@ int database_meta_checksum(const struct database *database, uint32_t *ret_checks
         " priority || '|' || exact || '|' || unit_m || '|' || level || '|' || bytes || '|' ||"
         " width || '|' || height || '|' || south || '|' || west || '|' || north || '|' || east ||"
         " char(10) FROM sources ORDER BY id)",
-        &statement, diag);
-    uLong crc = crc32(0, NULL, 0);
-    while (r >= 0 && (r = database_sql_step(database, statement, "reading metadata", diag)) == 1) {
-        const unsigned char *line = sqlite3_column_text(statement, 0);
-        crc = crc32(crc, line, (uInt)sqlite3_column_bytes(statement, 0));
-    }
-    sqlite3_finalize(statement);
+        &crc, diag);
+    if (r == 0 && database->has_images)
+        r = sum_texts(
+            database,
+            "SELECT * FROM (SELECT id || '|' || name || '|' || kind || '|' || priority || '|' ||"
+            " level || char(10) FROM layers ORDER BY id) UNION ALL "
+            "SELECT * FROM (SELECT id || '|' || layer || '|' || level || '|' || key || '|' || name"
+            " || '|' || bytes || '|' || width || '|' || height || '|' || south || '|' || west"
+            " || '|' || north || '|' || east || char(10) FROM images ORDER BY id)",
+            &crc, diag);
     if (r == 0)
-        *ret_checksum = (uint32_t)crc;
+        *ret_checksum = crc;
     return r;
 }
 
@@ -128,8 +145,8 @@ int database_get_meta(const struct database *database, const char *key, char *re
     return r < 0 ? r : 0;
 }
 
-static int get_pragma(const struct database *database, const char *sql, int64_t *ret_value,
-                      struct diag *diag)
+static int get_whole(const struct database *database, const char *sql, int64_t *ret_value,
+                     struct diag *diag)
 {
     sqlite3_stmt *statement = NULL;
     int r = database_sql_prepare(database, sql, &statement, diag);
@@ -143,10 +160,10 @@ static int get_pragma(const struct database *database, const char *sql, int64_t 
 
 static int check_version(struct database *database, struct diag *diag)
 {
-    int64_t application = 0, version = 0;
-    int r = get_pragma(database, "PRAGMA application_id", &application, diag);
+    int64_t application = 0, version = 0, images = 0;
+    int r = get_whole(database, "PRAGMA application_id", &application, diag);
     if (r == 0)
-        r = get_pragma(database, "PRAGMA user_version", &version, diag);
+        r = get_whole(database, "PRAGMA user_version", &version, diag);
     if (r < 0)
         return r;
     if (application != DATABASE_APPLICATION_ID && application != DATABASE_PART_ID)
@@ -157,7 +174,10 @@ static int check_version(struct database *database, struct diag *diag)
                         "sources again",
                         database->path, (long long)version, DATABASE_FORMAT_VERSION);
     database->part = application == DATABASE_PART_ID;
-    return 0;
+    r = get_whole(database, "SELECT count(*) FROM sqlite_master WHERE name = 'layers'", &images,
+                  diag);
+    database->has_images = images > 0;
+    return r;
 }
 
 static int check_meta_checksum(const struct database *database, struct diag *diag)

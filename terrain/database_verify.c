@@ -8,6 +8,7 @@
 #include "terrain/block.h"
 #include "terrain/database_internal.h"
 #include "terrain/height_step.h"
+#include "terrain/imagery.h"
 #include "terrain/tile_cache.h"
 
 #define CACHE_TILES 512
@@ -301,7 +302,8 @@ static int check_count(struct verifier *verifier, struct diag *diag)
     sqlite3_stmt *statement = NULL;
     int r = database_sql_prepare(verifier->database,
                                  "SELECT (SELECT count(*) FROM tiles), "
-                                 "(SELECT value FROM metadata WHERE key = 'tiles')",
+                                 "(SELECT value FROM metadata WHERE key = 'tiles'), "
+                                 "(SELECT value FROM metadata WHERE key = 'image_tiles')",
                                  &statement, diag);
     if (r == 0)
         r = database_sql_step(verifier->database, statement, "counting tiles", diag);
@@ -312,9 +314,25 @@ static int check_count(struct verifier *verifier, struct diag *diag)
             fault(verifier, (struct tile_id){-1, 0, 0},
                   "there are %llu tiles, and %llu belong there",
                   (unsigned long long)verifier->total, (unsigned long long)promised);
+        verifier->total += (uint64_t)sqlite3_column_int64(statement, 2);
     }
     sqlite3_finalize(statement);
     return r < 0 ? r : 0;
+}
+
+static void tell_of_imagery(void *user, const char *text)
+{
+    tell(user, (struct tile_id){-1, 0, 0}, text);
+}
+
+static bool on_image(void *user)
+{
+    struct verifier *verifier = user;
+    verifier->report.tiles++;
+    if (verifier->function && verifier->report.tiles % 16 == 0 &&
+        verifier->function(verifier->user, NULL, verifier->report.tiles, verifier->total))
+        verifier->report.stopped = true;
+    return verifier->report.stopped;
 }
 
 int database_verify(struct database *database, database_verify_function function, void *user,
@@ -335,6 +353,8 @@ int database_verify(struct database *database, database_verify_function function
         r = check_count(&verifier, &trouble);
     if (r == 0)
         r = check_tiles(&verifier, &trouble);
+    if (r == 0 && !verifier.report.stopped)
+        r = imagery_verify(database, tell_of_imagery, on_image, &verifier, &trouble);
     /* Damage that stops SQLite itself is a finding, too. */
     if (r == -EBADMSG) {
         tell(&verifier, (struct tile_id){-1, 0, 0}, trouble.text);

@@ -7,7 +7,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "terrain/import_internal.h"
+#include "terrain/import_imagery.h"
 
 /* What all threads and GDAL's cache may take together; the rest is the process itself. A large
  * cache spares rasters in strips from being unpacked again for every block. */
@@ -67,21 +67,16 @@ static int open_old(struct import_job *job, struct diag *diag)
 }
 
 /* A source that is named twice is one. */
-static void drop_twins(struct import_job *job)
+void import_drop_twins(struct import_job *job)
 {
     for (size_t i = 0; i < job->source_count; i++)
         for (size_t j = 0; j < i && !job->sources[i].done; j++)
             job->sources[i].done = strcmp(job->sources[i].key, job->sources[j].key) == 0;
 }
 
-struct scan_progress {
-    const struct import_params *params;
-    const char *name;
-};
-
-static bool on_scan(void *user, uint64_t done, uint64_t total)
+bool import_on_scan(void *user, uint64_t done, uint64_t total)
 {
-    struct scan_progress *scan = user;
+    struct import_scan *scan = user;
     return scan->params->progress &&
            scan->params->progress(scan->params->user, IMPORT_READING, scan->name, done, total);
 }
@@ -95,12 +90,12 @@ static int scan_sources(struct import_job *job, bool read, struct diag *diag)
         struct raster_options raster_options = {options->crs,
                                                 options->has_nodata ? &options->nodata : NULL};
         struct raster *raster = NULL;
-        struct scan_progress scan = {job->params, source->path};
+        struct import_scan scan = {job->params, source->path};
         if (source->done)
             continue;
         int r = raster_open(source->path, &raster_options, &raster, diag);
         if (r == 0 && read)
-            r = raster_scan(raster, on_scan, &scan, diag);
+            r = raster_scan(raster, import_on_scan, &scan, diag);
         if (r == 0)
             raster_get_facts(raster, &source->facts);
         raster_close(raster);
@@ -125,7 +120,7 @@ static int check_geoids(const struct import_job *job, struct diag *diag)
 }
 
 /* FNV-1a, 64 bits (Fowler, Noll, Vo). */
-static uint64_t add_to_hash(uint64_t hash, const void *data, size_t size)
+uint64_t import_add_to_hash(uint64_t hash, const void *data, size_t size)
 {
     const uint8_t *bytes = data;
     for (size_t i = 0; i < size; i++)
@@ -137,22 +132,22 @@ static uint64_t add_to_hash(uint64_t hash, const void *data, size_t size)
  * database that it adds to. */
 static void name_import(struct import_job *job)
 {
-    uint64_t hash = UINT64_C(0xcbf29ce484222325);
+    uint64_t hash = IMPORT_HASH_BEGIN;
     const struct database_params *database = &job->database;
     for (size_t i = 0; i < job->source_count; i++)
-        hash = add_to_hash(hash, job->sources[i].key, strlen(job->sources[i].key) + 1);
+        hash = import_add_to_hash(hash, job->sources[i].key, strlen(job->sources[i].key) + 1);
     const double grid[] = {database->grid.posts_per_degree, database->grid.lat_phase,
                            database->grid.lon_phase, database->grid.lon_bias};
-    hash = add_to_hash(hash, grid, sizeof(grid));
-    hash = add_to_hash(hash, &database->max_error_m, sizeof(database->max_error_m));
-    hash = add_to_hash(hash, &database->step_m, sizeof(database->step_m));
-    hash = add_to_hash(hash, database->import, strlen(database->import));
-    hash = add_to_hash(hash, &job->params->fill_posts, sizeof(job->params->fill_posts));
+    hash = import_add_to_hash(hash, grid, sizeof(grid));
+    hash = import_add_to_hash(hash, &database->max_error_m, sizeof(database->max_error_m));
+    hash = import_add_to_hash(hash, &database->step_m, sizeof(database->step_m));
+    hash = import_add_to_hash(hash, database->import, strlen(database->import));
+    hash = import_add_to_hash(hash, &job->params->fill_posts, sizeof(job->params->fill_posts));
     snprintf(job->database.import, sizeof(job->database.import), "%016llx",
              (unsigned long long)hash);
 }
 
-static void part_path(const char *database, char *ret_path, size_t size)
+void import_part_path(const char *database, char *ret_path, size_t size)
 {
     snprintf(ret_path, size, "%s" DATABASE_PART_SUFFIX, database);
 }
@@ -208,23 +203,23 @@ static int make_part(struct import_job *job, struct diag *diag)
     for (size_t i = 0; i < job->source_count; i++)
         if (!job->sources[i].done)
             describe_source(&job->sources[i], &imports[count++]);
-    part_path(job->params->database, path, sizeof(path));
+    import_part_path(job->params->database, path, sizeof(path));
     int r = database_create_part(path, &job->database, imports, count, &job->part, diag);
     free(imports);
     return r == -ENOENT || r == -EACCES ? -EIO : r; /* not a source that is missing */
 }
 
-static bool part_exists(const struct import_job *job)
+bool import_has_part(const struct import_job *job)
 {
     char path[DATABASE_NAME_MAX + 16];
-    part_path(job->params->database, path, sizeof(path));
+    import_part_path(job->params->database, path, sizeof(path));
     return access(path, F_OK) == 0;
 }
 
-static void remove_part(struct import_job *job)
+void import_remove_part(struct import_job *job)
 {
     char path[DATABASE_NAME_MAX + 32];
-    part_path(job->params->database, path, sizeof(path));
+    import_part_path(job->params->database, path, sizeof(path));
     database_close(job->part);
     job->part = NULL;
     unlink(path);
@@ -233,12 +228,12 @@ static void remove_part(struct import_job *job)
 }
 
 /* An earlier try may have come to its end but for the removal of its part. */
-static int drop_finished_part(struct import_job *job, struct diag *diag)
+int import_drop_finished_part(struct import_job *job, struct diag *diag)
 {
     char path[DATABASE_NAME_MAX + 16];
     struct database_params found, made;
     struct database *part = NULL;
-    part_path(job->params->database, path, sizeof(path));
+    import_part_path(job->params->database, path, sizeof(path));
     if (!job->old || access(path, F_OK) < 0)
         return 0;
     int r = database_open_part(path, &part, diag);
@@ -248,18 +243,18 @@ static int drop_finished_part(struct import_job *job, struct diag *diag)
         r = database_get_params(job->old, &made, diag);
     job->part = part;
     if (r == 0 && strcmp(found.import, made.import) == 0)
-        remove_part(job);
+        import_remove_part(job);
     database_close(job->part);
     job->part = NULL;
     return r;
 }
 
 /* The part that an earlier try left, if it is one of this import. */
-static int open_part(struct import_job *job, struct diag *diag)
+int import_open_part(struct import_job *job, struct diag *diag)
 {
     char path[DATABASE_NAME_MAX + 16];
     struct database_params found;
-    part_path(job->params->database, path, sizeof(path));
+    import_part_path(job->params->database, path, sizeof(path));
     int r = database_open_part(path, &job->part, diag);
     if (r == 0)
         r = database_get_params(job->part, &found, diag);
@@ -350,7 +345,7 @@ static int finish(struct import_job *job, struct pyramid_params *pyramid, struct
     struct database *const files[] = {job->part, job->old};
     r = database_compose(job->params->database, files, job->old ? 2 : 1, diag);
     if (r == 0)
-        remove_part(job);
+        import_remove_part(job);
     return r;
 }
 
@@ -358,7 +353,7 @@ static int finish(struct import_job *job, struct pyramid_params *pyramid, struct
 static int finish_shard(struct import_job *job, struct diag *diag)
 {
     char path[DATABASE_NAME_MAX + 16];
-    part_path(job->params->database, path, sizeof(path));
+    import_part_path(job->params->database, path, sizeof(path));
     int r = database_fold_journal(job->part, diag);
     database_close(job->part);
     job->part = NULL;
@@ -396,13 +391,15 @@ static int store(struct import_job *job, struct diag *diag)
 static int run(struct import_job *job, struct diag *diag)
 {
     int r = import_list_sources(job, diag);
+    if (r == 0 && job->params->imagery)
+        return import_imagery(job, diag);
     if (r == 0)
         r = open_old(job, diag);
     if (r == 0)
-        r = drop_finished_part(job, diag);
+        r = import_drop_finished_part(job, diag);
     if (r < 0)
         return r;
-    drop_twins(job);
+    import_drop_twins(job);
     r = check_geoids(job, diag);
     for (size_t i = 0; i < job->source_count; i++)
         job->result.skipped += job->sources[i].done;
@@ -410,7 +407,7 @@ static int run(struct import_job *job, struct diag *diag)
     if (r == 0 && job->params->shard_count && job->exists)
         return diag_set(diag, -EEXIST, "%s exists: a shard is a file of its own",
                         job->params->database);
-    bool resumes = part_exists(job);
+    bool resumes = import_has_part(job);
     if (r == 0)
         r = scan_sources(job, !resumes, diag);
     if (r == 0)
@@ -424,7 +421,7 @@ static int run(struct import_job *job, struct diag *diag)
         snprintf(job->database.shard, sizeof(job->database.shard), "%u/%u", job->params->shard + 1,
                  job->params->shard_count);
     if (resumes)
-        r = open_part(job, diag);
+        r = import_open_part(job, diag);
     if (r < 0 || (!resumes && job->result.imported == 0))
         return r;
     return store(job, diag);

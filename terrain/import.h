@@ -42,7 +42,7 @@ struct import_options {
     const char *crs;        /* for rasters without a usable one; NULL */
     bool has_nodata;
     double nodata;
-    int priority; /* higher ones cover lower ones, later ones cover equal ones */
+    int priority; /* higher ones cover lower ones, later equal ones; of imagery: in the layer */
 };
 
 struct import_input {
@@ -53,7 +53,16 @@ struct import_input {
 #define IMPORT_FILL_DEFAULT 100
 #define IMPORT_FILL_MAX     256
 
+/* For imports of imagery: all sources are images, or masks of water, of one layer. */
+struct import_imagery_params {
+    bool water;          /* masks: what is not 0 is water */
+    const char *layer;   /* its name; NULL: "imagery" or "water" */
+    const int *priority; /* of the layer over others; NULL: as it is, 0 for a new one */
+    int quality;         /* 1 .. 100, 100: lossless */
+};
+
 struct import_params {
+    const struct import_imagery_params *imagery; /* NULL: the sources are elevation */
     const struct import_input *inputs;
     size_t input_count;
     const char *database;        /* made where it is missing, added to where it exists */
@@ -68,12 +77,14 @@ struct import_params {
 struct import_result {
     size_t imported, skipped; /* sources; skipped: in the database already */
     bool resumed;
+    char layer[64]; /* of imagery */
 };
 
 /* Returns 0; -ENOENT, -EACCES (a source); -EBADMSG (a source is no elevation raster); -EINVAL (the
  * options contradict each other or the database); -EPROTONOSUPPORT, -EBUSY (the database);
- * -ENOSPC, -EIO; -ECANCELED; -ENOMEM. The sentence names the file. A database that is there is as
- * it was after any failure. */
+ * -ENOSPC, -EIO; -ECANCELED; -ENOMEM. Imagery wants a database that is there: -ENOENT, and the
+ * sentence says so. The sentence names the file. A database that is there is as it was after any
+ * failure. */
 int import_run(const struct import_params *params, struct import_result *ret_result,
                struct diag *diag);
 

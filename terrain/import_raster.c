@@ -56,12 +56,14 @@ static double metres_of_unit(const char *unit)
     return 1.0;
 }
 
-static int check_bands(struct raster *raster, struct diag *diag)
+static int check_bands(struct raster *raster, bool image, struct diag *diag)
 {
     int bands = GDALGetRasterCount(raster->dataset);
     if (bands == 0)
         return diag_set(diag, -EBADMSG, "%s holds no raster band", raster->path);
     raster->band = GDALGetRasterBand(raster->dataset, 1);
+    if (image)
+        return 0;
     GDALDataType type = GDALGetRasterDataType(raster->band);
     if (bands >= 3 || GDALGetRasterColorTable(raster->band))
         return diag_set(diag, -EBADMSG, "%s is an image (%d bands of %s), not elevation",
@@ -78,7 +80,7 @@ static void read_value_meaning(struct raster *raster, const struct raster_option
     raster->has_nodata = has;
     if (options->nodata) {
         raster->nodata = *options->nodata;
-        raster->has_nodata = true;
+        raster->has_nodata = raster->has_option_nodata = true;
     }
     double metres = metres_of_unit(GDALGetRasterUnitType(raster->band));
     double scale = GDALGetRasterScale(raster->band, &has_scale);
@@ -294,7 +296,7 @@ int raster_open(const char *path, const struct raster_options *options, struct r
     raster->lat = malloc(RASTER_CHUNK * sizeof(double));
     int r = raster->lon && raster->lat ? open_dataset(raster, diag) : -ENOMEM;
     if (r == 0)
-        r = check_bands(raster, diag);
+        r = check_bands(raster, options->image, diag);
     if (r == 0) {
         raster->facts.width = GDALGetRasterXSize(raster->dataset);
         raster->facts.height = GDALGetRasterYSize(raster->dataset);

@@ -14,6 +14,7 @@ struct raster;
 struct raster_options {
     const char *crs;      /* where a raster has no usable one: anything that PROJ knows; NULL */
     const double *nodata; /* in place of the raster's own; NULL */
+    bool image;           /* any bands: terrain/import_image.h reads them */
 };
 
 struct raster_facts {

@@ -4,7 +4,6 @@
 #include "terrain/import_raster_internal.h"
 
 #define DENSITY_FACTOR_MAX 8
-#define PIXELS_A_POST_MAX  1024.0 /* more of them stand for all that lie between two posts */
 
 /* Whether an axis of the raster lies on a grid's: its first and last posts, and their distance, in
  * cells, to within a thousandth of a pixel. */
@@ -129,7 +128,19 @@ int raster_level(const struct raster_facts *facts, const struct grid *grid)
 
 static double within_limits(double pixels)
 {
-    return pixels <= 1.0 + ALIGNED_PIXELS ? 1.0 : fmin(pixels, PIXELS_A_POST_MAX);
+    return pixels <= 1.0 + ALIGNED_PIXELS ? 1.0 : fmin(pixels, RASTER_SPREAD_MAX);
+}
+
+struct raster_spread raster_spread_of(const struct raster *raster, double lat_deg, double north_deg,
+                                      double east_deg)
+{
+    if (raster->facts.geographic)
+        return (struct raster_spread){within_limits(east_deg / fabs(raster->dx)),
+                                      within_limits(north_deg / fabs(raster->dy))};
+    east_deg *= cos(lat_deg * M_PI / 180.0);
+    double posts_deg = sqrt(fmax(east_deg, 0.25 * north_deg) * north_deg);
+    double pixels = within_limits(posts_deg / raster->spacing_deg);
+    return (struct raster_spread){pixels, pixels};
 }
 
 struct raster_spread raster_spread_at(const struct raster *raster, const struct grid *grid,
@@ -142,13 +153,7 @@ struct raster_spread raster_spread_at(const struct raster *raster, const struct 
     cell = cell >= last ? last - 1 : cell < first ? first : cell;
     unsigned shift = grid_lon_shift(grid, 0, (int32_t)grid_floor_div(cell, TILE_CELLS));
     double north_deg = grid_lat_step_deg(grid, 0), east_deg = grid_lon_step_deg(grid, 0, shift);
-    if (raster->facts.geographic)
-        return (struct raster_spread){within_limits(east_deg / fabs(raster->dx)),
-                                      within_limits(north_deg / fabs(raster->dy))};
-    east_deg *= cos(grid_post_lat_deg(grid, level, row) * M_PI / 180.0);
-    double posts_deg = sqrt(fmax(east_deg, 0.25 * north_deg) * north_deg);
-    double pixels = within_limits(posts_deg / raster->spacing_deg);
-    return (struct raster_spread){pixels, pixels};
+    return raster_spread_of(raster, grid_post_lat_deg(grid, level, row), north_deg, east_deg);
 }
 
 void raster_measure_spacing(struct raster *raster)

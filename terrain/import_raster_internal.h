@@ -16,7 +16,7 @@ struct raster {
     double west, north, dx, dy; /* of the first pixel's centre; dy negative for north-up */
     double nodata, scale, offset;
     double spacing_deg; /* between its posts at its middle, as degrees of latitude */
-    bool has_nodata, area, periodic;
+    bool has_nodata, has_option_nodata, area, periodic;
     struct raster_facts facts;
     double *lon, *lat; /* RASTER_CHUNK positions, then pixels */
     float *window;
@@ -37,6 +37,8 @@ struct raster_window {
     const float *pixels;
 };
 
+#define RASTER_SPREAD_MAX 1024 /* more of them stand for all that lie between two posts */
+
 /* How many pixels lie between two posts of level 0 on a row of posts, across and along; 1 where it
  * is less. The same on all levels and whichever tile asks. */
 struct raster_spread {
@@ -45,6 +47,9 @@ struct raster_spread {
 
 struct raster_spread raster_spread_at(const struct raster *raster, const struct grid *grid,
                                       int level, int64_t row);
+/* The same for any two distances between samples at a latitude. */
+struct raster_spread raster_spread_of(const struct raster *raster, double lat_deg, double north_deg,
+                                      double east_deg);
 
 void raster_measure_spacing(struct raster *raster);
 

@@ -20,7 +20,7 @@ static void add_options_to_key(const struct import_options *options, char *key, 
         snprintf(key + used, size - used, " nodata=%.17g", options->nodata);
 }
 
-static int fill_key(struct import_source *source, struct diag *diag)
+static int fill_key(struct import_source *source, bool imagery, struct diag *diag)
 {
     int64_t time_s;
     if (raster_file_state(source->path, &source->bytes, &time_s) < 0)
@@ -34,9 +34,10 @@ static int fill_key(struct import_source *source, struct diag *diag)
         source->key_file_length = (size_t)snprintf(
             source->key, sizeof(source->key), "%.*s %llu %lld ", DATABASE_NAME_MAX - 1, path,
             (unsigned long long)source->bytes, (long long)time_s);
-        snprintf(source->key + source->key_file_length,
-                 sizeof(source->key) - source->key_file_length, "%s %d",
-                 import_vertical_name(source->options->vertical), source->options->priority);
+        if (!imagery)
+            snprintf(source->key + source->key_file_length,
+                     sizeof(source->key) - source->key_file_length, "%s %d",
+                     import_vertical_name(source->options->vertical), source->options->priority);
         add_options_to_key(source->options, source->key, sizeof(source->key));
     }
     free(real);
@@ -69,7 +70,7 @@ static int add_source(void *user, const char *path)
     struct import_source *source = &job->sources[job->source_count++];
     *source = (struct import_source){.options = expansion->options};
     snprintf(source->path, sizeof(source->path), "%s", path);
-    return fill_key(source, expansion->diag);
+    return fill_key(source, job->params->imagery != NULL, expansion->diag);
 }
 
 int import_list_sources(struct import_job *job, struct diag *diag)

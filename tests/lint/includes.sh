@@ -34,7 +34,7 @@ BEGIN {
     allowed["config"] = "base geo terrain render io config"
     owner["GL/"] = owner["EGL/"] = owner["GLES"] = owner["GLFW/"] = owner["epoxy/"] = "render"
     owner["modbus"] = owner["linux/can"] = owner["pcap"] = "io"
-    owner["gdal"] = owner["ogr"] = owner["cpl_"] = owner["sqlite3"] = "terrain"
+    owner["gdal"] = owner["ogr"] = owner["cpl_"] = owner["sqlite3"] = owner["webp/"] = "terrain"
     owner["GeographicLib/"] = "geo"
     owner["systemd/"] = "daemon"
     owner["cyaml/"] = owner["yaml.h"] = "config"
