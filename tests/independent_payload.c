@@ -541,7 +541,7 @@ const char *reader_decode_payload(const uint8_t *payload, uint32_t size, const i
                                   struct reader_half half, int32_t *ret_symbols)
 {
     int mode = size > 0 ? payload[0] & 3 : 3;
-    if (mode == 3 || payload[0] & 8 || (size < 2 && mode != 0))
+    if (size < 2 || mode == 3 || payload[0] & 8)
         return "a payload begins with unknown bytes";
     struct decoder *d = calloc(1, sizeof(*d));
     if (!d)
@@ -550,7 +550,7 @@ const char *reader_decode_payload(const uint8_t *payload, uint32_t size, const i
     d->symbols = ret_symbols;
     take_from_parent(d, parent, half);
     d->set = payload[0] >> 4;
-    d->shift = size > 1 ? payload[1] : 0;
+    d->shift = payload[1];
     const char *fault;
     if (mode == 1)
         fault = d->shift > 14 ? "a payload's shift is above 14"
