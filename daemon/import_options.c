@@ -12,8 +12,9 @@
 static const char usage[] =
     "usage: otwd import SRC... -o DB [options]\n"
     "\n"
-    "Puts elevation rasters (any that GDAL reads, zipped ones too) into a terrain database; with\n"
-    "--imagery images, with --water masks of water, into one that has heights.\n"
+    "Puts elevation rasters (any that GDAL reads, zipped ones too) into a terrain database.\n"
+    "With --imagery the rasters are images, with --water masks of water, for a database with "
+    "heights.\n"
     "An existing database is added to; an interrupted import goes on when it is run again.\n"
     "\n"
     "  -o, --output DB        the database\n"
