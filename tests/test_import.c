@@ -477,7 +477,7 @@ static void test_mixed(void)
         CHECK_NEAR(height_at(source, 46.7, 9.1), 100.0, 0.0);
         CHECK_NEAR(height_at(source, 44.5, 11.7), 100.0, 0.0);
         CHECK_NEAR(height_at(source, 45.5, 10.5), hills(10.5, 45.5), 0.0);
-        CHECK_INT(source->read_errors, 0);
+        CHECK_INT(terrain_source_counts(source).read_errors, 0);
         CHECK_INT(database_info(database_of_source(source), &info, &diag), 0);
         CHECK(info.level[0].tiles <= 64 && info.file_bytes < 200000);
         database_info_finish(&info);
