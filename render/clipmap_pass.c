@@ -253,7 +253,7 @@ void clipmap_pass_upload(struct clipmap_pass *pass)
         const struct upload *upload = &pass->uploads[i];
         GLuint rows = (upload->groups + UPLOAD_GROUPS_X - 1) / UPLOAD_GROUPS_X;
         glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 0, pass->arenas[upload->slot]);
-        glBindBufferRange(GL_UNIFORM_BUFFER, 1, pass->upload_buffer,
+        glBindBufferRange(GL_UNIFORM_BUFFER, 2, pass->upload_buffer,
                           upload->slot * (GLintptr)sizeof(struct upload_block),
                           sizeof(struct upload_block));
         glUniform1i(0, (GLint)upload->rects);
