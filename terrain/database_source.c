@@ -10,10 +10,10 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "terrain/database_extent.h"
 #include "terrain/database_internal.h"
+#include "terrain/parallel.h"
 #include "terrain/surface.h"
 #include "terrain/tile_cache.h"
 
@@ -307,8 +307,8 @@ static int source_stream(struct terrain_source *terrain_source, void (*arrived)(
                          void *user, struct diag *diag)
 {
     struct database_source *source = of(terrain_source);
-    long processors = sysconf(_SC_NPROCESSORS_ONLN);
-    unsigned workers = processors < 4 ? 1 : processors < 16 ? (unsigned)processors / 4 : 4;
+    unsigned processors = parallel_processors();
+    unsigned workers = processors < 4 ? 1 : processors < 16 ? processors / 4 : 4;
     int r = tile_cache_start(source->cache, workers, arrived, user, diag);
     source->streams = r == 0;
     return r;

@@ -9,7 +9,6 @@
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
-#include <unistd.h>
 
 #include "base/clock.h"
 #include "base/latest.h"
@@ -268,8 +267,8 @@ static void loader_free(struct loader *loader)
 /* Half of the processors sample: the others draw, and decode tiles. */
 static unsigned samplers(void)
 {
-    long half = sysconf(_SC_NPROCESSORS_ONLN) / 2;
-    return half < 1 ? 1 : half < SAMPLERS_MAX ? (unsigned)half : SAMPLERS_MAX;
+    unsigned half = parallel_processors() / 2;
+    return half < 1 ? 1 : half < SAMPLERS_MAX ? half : SAMPLERS_MAX;
 }
 
 static int start(struct loader *loader, const struct loader_params *params, struct diag *diag)

@@ -2,9 +2,11 @@
 
 #include <errno.h>
 #include <pthread.h>
+#include <sched.h>
 #include <stdatomic.h>
 #include <stdbool.h>
 #include <stdlib.h>
+#include <unistd.h>
 
 #define JOBS_MAX 64
 
@@ -32,6 +34,15 @@ struct crew {
     unsigned size; /* with the caller's own, workers[0] */
     struct worker workers[JOBS_MAX];
 };
+
+unsigned parallel_processors(void)
+{
+    cpu_set_t allowed;
+    if (sched_getaffinity(0, sizeof(allowed), &allowed) == 0)
+        return (unsigned)CPU_COUNT(&allowed);
+    long online = sysconf(_SC_NPROCESSORS_ONLN); /* more than a set holds */
+    return online > 0 ? (unsigned)online : 1;
+}
 
 static void work(struct crew *crew, unsigned worker)
 {

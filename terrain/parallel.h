@@ -1,6 +1,9 @@
 /* The same work on many items, on several threads. */
 #pragma once
 
+/* Processors that this process may run on (cgroups apart): at least 1. */
+unsigned parallel_processors(void);
+
 /* Called once for each item, from `worker` 0 .. jobs - 1 (one thread each). Returns 0 or -errno. */
 typedef int (*parallel_function)(void *user, unsigned worker, unsigned item);
 
