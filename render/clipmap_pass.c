@@ -12,9 +12,10 @@
 #include "render/program.h"
 #include "terrain/level_store.h"
 
-/* A draw that emits more evaluation-shader vertices than its 16-bit indices reach is slow and full
- * of holes in Mesa's software rasterisers (docs/performance.md). */
-#define SOFTWARE_VERTICES 65535
+/* A draw that emits more evaluation-shader vertices than its 16-bit indices reach (65535) is slow
+ * and full of holes in Mesa's software rasterisers (docs/performance.md). Draws of a third of that
+ * are handed over one by one: one is rasterised while the next is tessellated. */
+#define SOFTWARE_VERTICES 24576
 #define BUFFERED_FRAMES   4
 #define UPLOAD_GROUP      64   /* texels of a work group of upload.comp */
 #define UPLOAD_GROUPS_X   1024 /* work groups side by side */
@@ -369,7 +370,10 @@ void clipmap_pass_draw(const struct clipmap_pass *pass)
     glBindTextureUnit(1, pass->surfaces);
     glBindTextureUnit(2, pass->ground);
     glPatchParameteri(GL_PATCH_VERTICES, 1);
-    for (unsigned i = 0; i < pass->range_count; i++)
+    for (unsigned i = 0; i < pass->range_count; i++) {
         glDrawArraysInstanced(GL_PATCHES, pass->base_block + pass->ranges[i].first,
                               pass->ranges[i].count, pass->instances * pass->instances);
+        if (pass->software)
+            glFlush();
+    }
 }
