@@ -64,6 +64,12 @@ int database_sql_step(const struct database *database, sqlite3_stmt *statement, 
     }
 }
 
+void database_column_text(sqlite3_stmt *row, int column, char *ret_text, size_t size)
+{
+    const unsigned char *text = sqlite3_column_text(row, column);
+    snprintf(ret_text, size, "%s", text ? (const char *)text : "");
+}
+
 int database_set_meta(struct database *database, const char *key, const char *value,
                       struct diag *diag)
 {
@@ -138,8 +144,10 @@ int database_get_meta(const struct database *database, const char *key, char *re
     if (r == 0) {
         sqlite3_bind_text(statement, 1, key, -1, SQLITE_STATIC);
         r = database_sql_step(database, statement, "reading metadata", diag);
-        const unsigned char *text = r == 1 ? sqlite3_column_text(statement, 0) : NULL;
-        snprintf(ret_value, size, "%s", text ? (const char *)text : "");
+        if (r == 1)
+            database_column_text(statement, 0, ret_value, size);
+        else
+            ret_value[0] = '\0';
     }
     sqlite3_finalize(statement);
     return r < 0 ? r : 0;
