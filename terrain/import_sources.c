@@ -84,3 +84,49 @@ int import_list_sources(struct import_job *job, struct diag *diag)
     }
     return r;
 }
+
+void import_drop_twins(struct import_job *job)
+{
+    for (size_t i = 0; i < job->source_count; i++)
+        for (size_t j = 0; j < i && !job->sources[i].done; j++)
+            job->sources[i].done = strcmp(job->sources[i].key, job->sources[j].key) == 0;
+}
+
+/* FNV-1a, 64 bits (Fowler, Noll, Vo). */
+uint64_t import_add_to_hash(uint64_t hash, const void *data, size_t size)
+{
+    const uint8_t *bytes = data;
+    for (size_t i = 0; i < size; i++)
+        hash = (hash ^ bytes[i]) * UINT64_C(0x100000001b3);
+    return hash;
+}
+
+struct raster_options import_raster_options(const struct import_job *job,
+                                            const struct import_source *source)
+{
+    const struct import_options *options = source->options;
+    return (struct raster_options){options->crs, options->has_nodata ? &options->nodata : NULL,
+                                   job->params->imagery != NULL};
+}
+
+static int by_rank(const void *a, const void *b, void *user)
+{
+    const struct import_job *job = user;
+    size_t x = *(const size_t *)a, y = *(const size_t *)b;
+    int p = job->sources[x].options->priority, q = job->sources[y].options->priority;
+    return p != q ? (p < q) - (p > q) : (x < y) - (x > y);
+}
+
+int import_order_sources(const struct import_job *job, size_t **ret_order, size_t *ret_count)
+{
+    size_t *order = malloc((job->source_count + 1) * sizeof(*order)), count = 0;
+    if (!order)
+        return -ENOMEM;
+    for (size_t i = 0; i < job->source_count; i++)
+        if (!job->sources[i].done)
+            order[count++] = i;
+    qsort_r(order, count, sizeof(*order), by_rank, (void *)job);
+    *ret_order = order;
+    *ret_count = count;
+    return 0;
+}
