@@ -362,7 +362,7 @@ static void test_against(void)
 {
     check_run(verify_against(in("hills.db"), in("hills.tif")), 0);
     CHECK_CONTAINS(output, "\"exact\": true, \"posts\": ");
-    CHECK_CONTAINS(output, "\"elsewhere\": 0, \"beyond\": 0, \"worst_m\": 0,");
+    CHECK_CONTAINS(output, "\"elsewhere\": 0, \"beyond\": 0, \"worst_m\": 0.0,");
     check_run(verify_against(in("utm.db"), in("utm.tif")), 0);
     CHECK_CONTAINS(output, "\"exact\": false");
     check_run(verify_against(in("layers.db"), in("high.tif")), 0);
@@ -382,6 +382,17 @@ static void test_against(void)
     CHECK_INT(system(command), 0);
     check_run(verify_against(in("twin.db"), in("twin.tif")), 65);
     CHECK_CONTAINS(output, "the source has");
+}
+
+/* Names of files are bytes: quotes and backslashes are escaped, and what is no UTF-8 is replaced.
+ */
+static void test_json_of_names(void)
+{
+    const char *odd = in("a \"b\" \\c \xff.tif");
+    make_raster(odd, &ten_east, hills);
+    check_run(run("'%s' -o '%s' -q", odd, in("odd-name.db")), 0);
+    check_run(verify_against(in("odd-name.db"), odd), 0);
+    CHECK_CONTAINS(output, "/a \\\"b\\\" \\\\c \xef\xbf\xbd.tif\", \"exact\": true");
 }
 
 static void write_list(const char *path, const char *text)
@@ -532,6 +543,7 @@ static const struct check_test tests[] = {
     {"a post that no coarser level has is no fault", test_lone_post},
     {"ellipsoidal heights become EGM96 ones", test_ellipsoid},
     {"every post is within the bound of its source, and what is not is found", test_against},
+    {"JSON survives any name of a file", test_json_of_names},
     {"a list gives each source its own options", test_list},
     {"enclosed voids are filled up to a size", test_fill},
     {"a coarse raster keeps to a coarse level", test_mixed},
