@@ -38,7 +38,8 @@ int cli_exit_status(int error)
     case ENETDOWN:
         return EX_UNAVAILABLE;
     case ECANCELED:
-    case EBUSY: /* another writes it, or its import is not finished */
+    case ESTALE: /* what was read has changed */
+    case EBUSY:  /* another writes it, or its import is not finished */
         return EX_TEMPFAIL;
     case ENOMEM:
         return EX_OSERR;

@@ -23,6 +23,7 @@ struct display {
     bool finished;       /* its end was shown */
     enum import_phase phase;
     char name[256];
+    json_t *beyond; /* sources with heights beyond the Earth's */
 };
 
 /* A bar that is redrawn on a terminal; elsewhere a line for each thing done. */
@@ -69,16 +70,22 @@ static bool on_progress(void *user, enum import_phase phase, const char *name, u
     return stop_asked;
 }
 
+static void on_beyond(void *user, const char *source, const struct raster_beyond *beyond)
+{
+    struct display *display = user;
+    import_report_beyond(display->beyond, source, beyond);
+}
+
 static void on_signal(int number)
 {
     stop_asked = 1;
 }
 
-static int import_and_report(const struct arguments *arguments, struct diag *diag)
+static int import_and_report(const struct arguments *arguments, json_t *beyond, struct diag *diag)
 {
     struct import_result result;
     int r = import_run(&arguments->import, &result, diag);
-    return r == 0 ? import_report(arguments, &result, diag) : r;
+    return r == 0 ? import_report(arguments, &result, beyond, diag) : r;
 }
 
 /* Output that was lost is a failure. */
@@ -105,8 +112,10 @@ int main(int argc, char **argv)
     }
     struct display display = {.quiet = arguments.quiet,
                               .terminal = isatty(STDERR_FILENO),
-                              .began_ns = clock_monotonic_ns()};
+                              .began_ns = clock_monotonic_ns(),
+                              .beyond = json_array()};
     arguments.import.progress = on_progress;
+    arguments.import.beyond = on_beyond;
     arguments.import.user = &display;
     signal(SIGINT, on_signal);
     signal(SIGTERM, on_signal);
@@ -114,7 +123,8 @@ int main(int argc, char **argv)
     r = arguments.verified
             ? import_compare(arguments.verified, arguments.inputs, arguments.import.input_count,
                              import_report_comparison, &verification, &diag)
-            : import_and_report(&arguments, &diag);
+            : import_and_report(&arguments, display.beyond, &diag);
+    json_decref(display.beyond);
     import_finish_arguments(&arguments);
     if (r == 0)
         return close_output(verification.beyond ? EX_DATAERR : EX_OK);

@@ -5,7 +5,9 @@
 #include <string.h>
 
 #include "daemon/cli.h"
+#include "terrain/height_step.h"
 #include "terrain/imagery.h"
+#include "terrain/import_raster.h"
 
 static void print_json(json_t *root)
 {
@@ -14,10 +16,11 @@ static void print_json(json_t *root)
     json_decref(root);
 }
 
-static json_t *json_counts(const struct import_result *result)
+static json_t *json_counts(const struct import_result *result, json_t *beyond)
 {
-    return json_pack("{s:I,s:I,s:b}", "sources_imported", (json_int_t)result->imported,
-                     "sources_skipped", (json_int_t)result->skipped, "resumed", result->resumed);
+    return json_pack("{s:I,s:I,s:b,s:O}", "sources_imported", (json_int_t)result->imported,
+                     "sources_skipped", (json_int_t)result->skipped, "resumed", result->resumed,
+                     "beyond", beyond);
 }
 
 static void print_counts(const struct import_result *result)
@@ -26,14 +29,14 @@ static void print_counts(const struct import_result *result)
 }
 
 static int report_heights(const struct arguments *arguments, const struct import_result *result,
-                          struct database *database, struct diag *diag)
+                          json_t *beyond, struct database *database, struct diag *diag)
 {
     struct database_info info;
     int r = database_info(database, &info, diag);
     if (r < 0)
         return r;
     if (arguments->json) {
-        json_t *root = json_counts(result);
+        json_t *root = json_counts(result, beyond);
         json_object_update_new(
             root, json_pack("{s:f,s:i,s:I,s:f,s:I,s:f,s:f,s:f,s:f,s:f}", "posts_per_degree",
                             info.grid.posts_per_degree, "levels", info.levels, "posts",
@@ -76,14 +79,14 @@ static int count_layer(struct database *database, const char *name,
 }
 
 static int report_imagery(const struct arguments *arguments, const struct import_result *result,
-                          struct database *database, struct diag *diag)
+                          json_t *beyond, struct database *database, struct diag *diag)
 {
     struct imagery_level_info all;
     int r = count_layer(database, result->layer, &all, diag);
     if (r < 0)
         return r;
     if (arguments->json) {
-        json_t *root = json_counts(result);
+        json_t *root = json_counts(result, beyond);
         json_object_update_new(
             root, json_pack("{s:o,s:I,s:I}", "layer", cli_json_text(result->layer), "tiles",
                             (json_int_t)all.tiles, "bytes", (json_int_t)all.bytes));
@@ -97,7 +100,7 @@ static int report_imagery(const struct arguments *arguments, const struct import
 }
 
 int import_report(const struct arguments *arguments, const struct import_result *result,
-                  struct diag *diag)
+                  json_t *beyond, struct diag *diag)
 {
     const struct import_params *params = &arguments->import;
     struct database *database = NULL;
@@ -108,10 +111,24 @@ int import_report(const struct arguments *arguments, const struct import_result 
     }
     int r = database_open(params->database, &database, diag);
     if (r == 0)
-        r = params->imagery ? report_imagery(arguments, result, database, diag)
-                            : report_heights(arguments, result, database, diag);
+        r = params->imagery ? report_imagery(arguments, result, beyond, database, diag)
+                            : report_heights(arguments, result, beyond, database, diag);
     database_close(database);
     return r;
+}
+
+void import_report_beyond(json_t *list, const char *source, const struct raster_beyond *beyond)
+{
+    fprintf(
+        stderr,
+        "otwd-import: %s: %llu heights beyond %g .. %g m are taken for voids, the first %g m at "
+        "row %d column %d\n",
+        source, (unsigned long long)beyond->count, HEIGHT_MIN_M, HEIGHT_MAX_M, beyond->height_m,
+        beyond->row, beyond->column);
+    json_array_append_new(list, json_pack("{s:o,s:I,s:f,s:i,s:i}", "source", cli_json_text(source),
+                                          "heights", (json_int_t)beyond->count, "first_m",
+                                          beyond->height_m, "row", beyond->row, "column",
+                                          beyond->column));
 }
 
 static void print_comparison(const char *source, const struct import_comparison *comparison)

@@ -89,6 +89,8 @@ static int scan_sources(struct import_job *job, bool read, struct diag *diag)
             r = raster_scan(raster, import_on_scan, &scan, diag);
         if (r == 0)
             raster_get_facts(raster, &source->facts);
+        if (r == 0 && source->facts.beyond.count && job->params->beyond)
+            job->params->beyond(job->params->user, source->path, &source->facts.beyond);
         raster_close(raster);
         if (r < 0)
             return r;
@@ -246,6 +248,8 @@ static int sample(struct import_job *job, struct pyramid_params *pyramid, struct
     pyramid->progress = on_sampled;
     if (r == 0)
         r = pyramid_sample(pyramid, diag);
+    if (r == 0)
+        r = import_check_sources(job, diag);
     import_sampler_destroy(sampler);
     return r;
 }
@@ -345,6 +349,8 @@ int import_run(const struct import_params *params, struct import_result *ret_res
     int r = run(job, diag);
     if (r == 0)
         *ret_result = job->result;
+    if (r == -ESTALE && job->part) /* what is stored is of a file that is no more */
+        import_remove_part(job);
     database_close(job->part);
     database_close(job->old);
     free(job->imports);

@@ -35,6 +35,13 @@ enum import_phase {
 typedef bool (*import_progress_function)(void *user, enum import_phase phase, const char *name,
                                          uint64_t done, uint64_t total);
 
+struct raster_beyond;
+
+/* Called once for every source that has heights which no place on Earth has: they are voids. From
+ * the thread that called import_run. */
+typedef void (*import_beyond_function)(void *user, const char *source,
+                                       const struct raster_beyond *beyond);
+
 /* How a source is read. */
 struct import_options {
     enum import_vertical vertical;
@@ -71,6 +78,7 @@ struct import_params {
     unsigned jobs;               /* threads; 0: one for each processor */
     unsigned shard, shard_count; /* shard 0 .. shard_count - 1; shard_count 0: all of it */
     import_progress_function progress;
+    import_beyond_function beyond; /* NULL */
     void *user;
 };
 
@@ -82,7 +90,8 @@ struct import_result {
 
 /* Returns 0; -ENOENT, -EACCES (a source); -EBADMSG (a source is no elevation raster); -EINVAL (the
  * options contradict each other or the database); -EPROTONOSUPPORT, -EBUSY (the database);
- * -ENOSPC, -EIO; -ECANCELED; -ENOMEM. Imagery wants a database that is there: -ENOENT, and the
+ * -ESTALE (a source has changed meanwhile; nothing is left of the import); -ENOSPC, -EIO;
+ * -ECANCELED; -ENOMEM. Imagery wants a database that is there: -ENOENT, and the
  * sentence says so. The sentence names the file. A database that is there is as it was after any
  * failure. */
 int import_run(const struct import_params *params, struct import_result *ret_result,

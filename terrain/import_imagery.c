@@ -225,6 +225,8 @@ static int store(struct imagery_job *imagery, struct diag *diag)
     struct database *const files[] = {job->part, job->old};
     int r = imagery->count ? imagery_build(&build, diag) : 0;
     if (r == 0)
+        r = import_check_sources(job, diag);
+    if (r == 0)
         r = database_compose(job->params->database, files, 2, diag);
     if (r == 0)
         import_remove_part(job);

@@ -15,7 +15,8 @@ struct import_source {
     const struct import_options *options;
     struct raster_facts facts;
     uint64_t bytes;
-    bool done; /* in the database already */
+    int64_t time_s; /* of its last change */
+    bool done;      /* in the database already */
     int level, id;
     bool exact;
 };
@@ -37,6 +38,11 @@ struct import_job {
 
 /* Fills job->sources from the inputs. */
 int import_list_sources(struct import_job *job, struct diag *diag);
+
+/* Whether a source is still the file that it was when the import began: 0, -ESTALE, -ENOENT. */
+int import_check_source(const struct import_source *source, struct diag *diag);
+/* The same of all new ones: what is stored must be of the files that are named. */
+int import_check_sources(const struct import_job *job, struct diag *diag);
 
 /* A source that is named twice is one. */
 void import_drop_twins(struct import_job *job);

@@ -15,7 +15,8 @@ struct raster {
     OGRCoordinateTransformationH from_lonlat, to_lonlat; /* NULL where it is the identity */
     double west, north, dx, dy; /* of the first pixel's centre; dy negative for north-up */
     double nodata, scale, offset;
-    double spacing_deg; /* between its posts at its middle, as degrees of latitude */
+    float lowest, highest; /* values of heights that a place on Earth can have */
+    double spacing_deg;    /* between its posts at its middle, as degrees of latitude */
     bool has_nodata, has_option_nodata, area, periodic;
     struct raster_facts facts;
     double *lon, *lat; /* RASTER_CHUNK positions, then pixels */
@@ -26,9 +27,11 @@ struct raster {
 
 #define RASTER_CHUNK 16641 /* posts that are placed at once */
 
+/* NaN and infinities, what is marked as missing, and what no place on Earth has. */
 static inline bool raster_is_void(const struct raster *raster, float value)
 {
-    return !isfinite(value) || (raster->has_nodata && value == (float)raster->nodata);
+    return !(value >= raster->lowest && value <= raster->highest) ||
+           (raster->has_nodata && value == (float)raster->nodata);
 }
 
 /* Pixels in memory; `x` may be negative or beyond the width in a raster round the globe. */

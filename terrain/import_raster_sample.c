@@ -10,6 +10,7 @@
 #define SNAP_PIXELS    1e-6
 #define PERIODIC_STEPS 1048576.0 /* positions in a pixel of a raster round the globe */
 #define WINDOW_PIXELS  (1 << 22) /* read at once */
+#define OTHERS_SHARE   10        /* one in so many may be a spike */
 
 static int reserve_window(struct raster *raster, size_t pixels)
 {
@@ -35,51 +36,77 @@ static int read_pixels(struct raster *raster, int x, int y, int width, int heigh
     return 0;
 }
 
-static bool is_height(const struct raster *raster, float value, float *ret_height_m)
+static double height_of(const struct raster *raster, float value)
 {
-    double height_m = (double)value * raster->scale + raster->offset;
-    *ret_height_m = (float)height_m;
-    return height_m >= HEIGHT_MIN_M && height_m <= HEIGHT_MAX_M;
+    return (double)value * raster->scale + raster->offset;
 }
 
-static int scan_lines(struct raster *raster, int y, int lines, uint64_t *data, struct diag *diag)
+/* What a scan finds. */
+struct census {
+    uint64_t heights;
+    uint64_t others; /* beyond what the Earth has, and of another value than the first one */
+    float first;
+};
+
+static void count_beyond(struct raster *raster, struct census *census, float value, int row,
+                         int column)
+{
+    struct raster_beyond *beyond = &raster->facts.beyond;
+    if (beyond->count++ == 0) {
+        *beyond = (struct raster_beyond){1, row, column, height_of(raster, value)};
+        census->first = value;
+    }
+    census->others += value != census->first;
+}
+
+static int scan_lines(struct raster *raster, int y, int lines, struct census *census,
+                      struct diag *diag)
 {
     size_t width = (size_t)raster->facts.width, count = (size_t)lines * width;
     int r = read_pixels(raster, 0, y, raster->facts.width, lines, raster->window,
                         raster->facts.width, diag);
     for (size_t i = 0; r == 0 && i < count; i++) {
-        float height_m;
-        if (raster_is_void(raster, raster->window[i]))
-            continue;
-        ++*data;
-        if (!is_height(raster, raster->window[i], &height_m))
-            r = diag_set(diag, -EBADMSG,
-                         "%s has %g m at row %d column %d, beyond %g .. %g m: an image, another "
-                         "unit, or a mark for missing data (--nodata)",
-                         raster->path, (double)height_m, y + (int)(i / width), (int)(i % width),
-                         HEIGHT_MIN_M, HEIGHT_MAX_M);
+        float value = raster->window[i];
+        if (!raster_is_void(raster, value))
+            census->heights++;
+        else if (isfinite(value) && !(raster->has_nodata && value == (float)raster->nodata))
+            count_beyond(raster, census, value, y + (int)(i / width), (int)(i % width));
     }
     return r;
+}
+
+/* One value is a mark for missing data, a few are spikes; many are heights in another unit. */
+static int judge(const struct raster *raster, const struct census *census, struct diag *diag)
+{
+    const struct raster_beyond *beyond = &raster->facts.beyond;
+    if (census->heights == 0 && beyond->count == 0)
+        return diag_set(diag, -EBADMSG, "%s has no data at all: every pixel is marked as missing",
+                        raster->path);
+    if (census->heights > 0 && census->others * OTHERS_SHARE <= census->heights)
+        return 0;
+    return diag_set(diag, -EBADMSG,
+                    "%s has %llu heights beyond %g .. %g m and %llu within, the first %g m at row "
+                    "%d column %d: an image, another unit, or a mark for missing data (--nodata)",
+                    raster->path, (unsigned long long)beyond->count, HEIGHT_MIN_M, HEIGHT_MAX_M,
+                    (unsigned long long)census->heights, beyond->height_m, beyond->row,
+                    beyond->column);
 }
 
 int raster_scan(struct raster *raster, bool (*progress)(void *user, uint64_t done, uint64_t total),
                 void *user, struct diag *diag)
 {
     const struct raster_facts *facts = &raster->facts;
-    uint64_t data = 0;
+    struct census census = {0};
     int lines = WINDOW_PIXELS / facts->width;
     lines = lines < 1 ? 1 : lines > 256 ? 256 : lines;
     int r = reserve_window(raster, (size_t)lines * (size_t)facts->width);
     for (int y = 0; r == 0 && y < facts->height; y += lines) {
         int count = facts->height - y < lines ? facts->height - y : lines;
-        r = scan_lines(raster, y, count, &data, diag);
+        r = scan_lines(raster, y, count, &census, diag);
         if (r == 0 && progress && progress(user, (uint64_t)(y + count), (uint64_t)facts->height))
             r = diag_set(diag, -ECANCELED, "interrupted");
     }
-    if (r == 0 && data == 0)
-        r = diag_set(diag, -EBADMSG, "%s has no data at all: every pixel is marked as missing",
-                     raster->path);
-    return r;
+    return r == 0 ? judge(raster, &census, diag) : r;
 }
 
 /* A part of a lattice: rows and columns of it. */
@@ -127,11 +154,11 @@ static int sample_direct(struct raster *raster, const struct grid *grid,
                 return r;
             for (int i = 0; i < lines; i++) {
                 int64_t row = up > 0 ? line + i - south : south - (line + i);
-                float *out = ret_heights_m + row * lattice->cols + (begin - west), height_m;
+                float *out = ret_heights_m + row * lattice->cols + (begin - west);
                 const float *in = raster->window + (size_t)i * (size_t)width;
                 for (int j = 0; j < width; j++)
                     if (!raster_is_void(raster, in[j]))
-                        out[j] = is_height(raster, in[j], &height_m) ? height_m : NAN;
+                        out[j] = (float)height_of(raster, in[j]);
             }
         }
     }

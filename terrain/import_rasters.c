@@ -18,7 +18,9 @@ int import_rasters_get(struct import_rasters *rasters, const struct import_job *
     raster_close(oldest->raster);
     *oldest = (struct import_open_raster){.source = index, .used = ++rasters->clock};
     struct raster_options options = import_raster_options(job, source);
-    int r = raster_open(source->path, &options, &oldest->raster, diag);
+    int r = import_check_source(source, diag);
+    if (r == 0)
+        r = raster_open(source->path, &options, &oldest->raster, diag);
     *ret_raster = oldest->raster;
     return r;
 }

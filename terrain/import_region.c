@@ -87,6 +87,10 @@ static int add_source(const struct import_stack *stack, struct import_region *re
             --*voids;
         }
     }
+    if (r == -EBADMSG) { /* it may have been cut short under our hands */
+        int changed = import_check_source(source, diag);
+        r = changed < 0 ? changed : r;
+    }
     return r;
 }
 

@@ -22,8 +22,7 @@ static void add_options_to_key(const struct import_options *options, char *key, 
 
 static int fill_key(struct import_source *source, bool imagery, struct diag *diag)
 {
-    int64_t time_s;
-    if (raster_file_state(source->path, &source->bytes, &time_s) < 0)
+    if (raster_file_state(source->path, &source->bytes, &source->time_s) < 0)
         return diag_set(diag, -ENOENT, "%s: No such file or directory", source->path);
     char *real = realpath(source->path, NULL);
     const char *path = real ? real : source->path;
@@ -33,7 +32,7 @@ static int fill_key(struct import_source *source, bool imagery, struct diag *dia
     if (r == 0) {
         source->key_file_length = (size_t)snprintf(
             source->key, sizeof(source->key), "%.*s %llu %lld ", DATABASE_NAME_MAX - 1, path,
-            (unsigned long long)source->bytes, (long long)time_s);
+            (unsigned long long)source->bytes, (long long)source->time_s);
         if (!imagery)
             snprintf(source->key + source->key_file_length,
                      sizeof(source->key) - source->key_file_length, "%s %d",
@@ -41,6 +40,30 @@ static int fill_key(struct import_source *source, bool imagery, struct diag *dia
         add_options_to_key(source->options, source->key, sizeof(source->key));
     }
     free(real);
+    return r;
+}
+
+int import_check_source(const struct import_source *source, struct diag *diag)
+{
+    uint64_t bytes;
+    int64_t time_s;
+    if (raster_file_state(source->path, &bytes, &time_s) < 0)
+        return diag_set(diag, -ENOENT, "%s is gone: it was there when the import began",
+                        source->path);
+    if (bytes != source->bytes || time_s != source->time_s)
+        return diag_set(diag, -ESTALE,
+                        "%s has changed since the import began (%llu bytes, now %llu): run it "
+                        "again",
+                        source->path, (unsigned long long)source->bytes, (unsigned long long)bytes);
+    return 0;
+}
+
+int import_check_sources(const struct import_job *job, struct diag *diag)
+{
+    int r = 0;
+    for (size_t i = 0; r == 0 && i < job->source_count; i++)
+        if (!job->sources[i].done)
+            r = import_check_source(&job->sources[i], diag);
     return r;
 }
 
