@@ -119,6 +119,7 @@ int main(int argc, char **argv)
     arguments.import.user = &display;
     signal(SIGINT, on_signal);
     signal(SIGTERM, on_signal);
+    signal(SIGXFSZ, SIG_IGN); /* a file that may not grow is an error like a full disk */
     struct verification verification = {.arguments = &arguments};
     r = arguments.verified
             ? import_compare(arguments.verified, arguments.inputs, arguments.import.input_count,

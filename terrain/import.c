@@ -7,6 +7,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "terrain/database_lock.h"
 #include "terrain/import_imagery.h"
 #include "terrain/import_part.h"
 
@@ -346,13 +347,17 @@ int import_run(const struct import_params *params, struct import_result *ret_res
     if (job->jobs > PYRAMID_JOBS_MAX)
         job->jobs = PYRAMID_JOBS_MAX;
     raster_start_up(MEMORY_MIB - (int)job->jobs * WORKER_MIB);
-    int r = run(job, diag);
+    struct database_lock *lock = NULL;
+    int r = database_lock_take(params->database, &lock, diag);
+    if (r == 0)
+        r = run(job, diag);
     if (r == 0)
         *ret_result = job->result;
     if (r == -ESTALE && job->part) /* what is stored is of a file that is no more */
         import_remove_part(job);
     database_close(job->part);
     database_close(job->old);
+    database_lock_release(lock);
     free(job->imports);
     free(job->replaced);
     free(job->sources);

@@ -89,7 +89,8 @@ struct import_result {
 };
 
 /* Returns 0; -ENOENT, -EACCES (a source); -EBADMSG (a source is no elevation raster); -EINVAL (the
- * options contradict each other or the database); -EPROTONOSUPPORT, -EBUSY (the database);
+ * options contradict each other or the database); -EPROTONOSUPPORT, -EBUSY (the database; another
+ * import writes it);
  * -ESTALE (a source has changed meanwhile; nothing is left of the import); -ENOSPC, -EIO;
  * -ECANCELED; -ENOMEM. Imagery wants a database that is there: -ENOENT, and the
  * sentence says so. The sentence names the file. A database that is there is as it was after any
