@@ -25,12 +25,14 @@ static const char usage[] =
     "      --crs CRS          for rasters that have no usable coordinate system of their own:\n"
     "                         EPSG:4326, ...\n"
     "      --nodata VALUE     this value means missing data, whatever the raster says\n"
+    "      --sea M            heights at or below this are sea: lower sources say how deep it is\n"
     "      --priority N       covers sources of lower priority (0); later ones cover equal ones\n"
     "      --sources FILE     a list of sources: PATH [key=value...] a line, keys vertical, "
     "geoid,\n"
-    "                         crs, nodata, priority in place of the options above\n"
+    "                         crs, nodata, sea, priority in place of the options above\n"
     "      --fill POSTS       fill voids that are enclosed and at most so many posts wide (100);\n"
     "                         0: none\n"
+    "      --feather POSTS    sources blend into lower ones over so many posts (0: not at all)\n"
     "      --imagery          the sources are images, not elevation\n"
     "      --water            the sources are masks: what is not 0 is water\n"
     "      --layer NAME       the layer that they go into (imagery, water); --priority is then "
@@ -53,6 +55,8 @@ enum long_option {
     OPTION_PRIORITY,
     OPTION_SOURCES,
     OPTION_FILL,
+    OPTION_FEATHER,
+    OPTION_SEA,
     OPTION_SHARD,
     OPTION_IMAGERY,
     OPTION_WATER,
@@ -74,6 +78,8 @@ static const struct option long_options[] = {
     {"jobs", required_argument, NULL, 'j'},
     {"sources", required_argument, NULL, OPTION_SOURCES},
     {"fill", required_argument, NULL, OPTION_FILL},
+    {"feather", required_argument, NULL, OPTION_FEATHER},
+    {"sea", required_argument, NULL, OPTION_SEA},
     {"verify", required_argument, NULL, OPTION_VERIFY}, /* for otwd verify --against */
     {"shard", required_argument, NULL, OPTION_SHARD},
     {"imagery", no_argument, NULL, OPTION_IMAGERY},
@@ -172,6 +178,8 @@ static bool take_word(char *word, struct import_options *options)
         options->crs = value;
     else if (strcmp(word, "nodata") == 0)
         return options->has_nodata = number_from_text(value, -HUGE_VAL, HUGE_VAL, &options->nodata);
+    else if (strcmp(word, "sea") == 0)
+        return options->has_sea = number_from_text(value, -12000.0, 9500.0, &options->sea_m);
     else if (strcmp(word, "priority") == 0 && whole_from_text(value, -1000000, 1000000, &whole))
         options->priority = (int)whole;
     else
@@ -186,7 +194,7 @@ static int take_line(const char *list, int number, char *line, struct arguments 
     while (path && (word = next_word(&at)))
         if (!take_word(word, &options)) {
             fprintf(stderr,
-                    "otwd-import: %s:%d: \"%s\" is no vertical=, geoid=, crs=, nodata= or "
+                    "otwd-import: %s:%d: \"%s\" is no vertical=, geoid=, crs=, nodata=, sea= or "
                     "priority= with a value that it can have\n",
                     list, number, word);
             return EX_DATAERR;
@@ -246,6 +254,11 @@ static int take_source_option(struct arguments *arguments, int option)
     case OPTION_CRS:
         options->crs = optarg;
         return 0;
+    case OPTION_SEA:
+        options->has_sea = true;
+        if (number_from_text(optarg, -12000.0, 9500.0, &options->sea_m))
+            return 0;
+        return bad_value("--sea", optarg, "metres, -12000 to 9500");
     case OPTION_NODATA:
         options->has_nodata = true;
         if (number_from_text(optarg, -HUGE_VAL, HUGE_VAL, &options->nodata))
@@ -298,6 +311,11 @@ static int take_work_option(struct arguments *arguments, int option)
             return bad_value("--fill", optarg, "posts, 0 to 256");
         import->fill_posts = (int)whole;
         return 0;
+    case OPTION_FEATHER:
+        if (!whole_from_text(optarg, 0, IMPORT_FEATHER_MAX, &whole))
+            return bad_value("--feather", optarg, "posts, 0 to 128");
+        import->feather_posts = (int)whole;
+        return 0;
     case OPTION_SHARD:
         if (shard_from_text(optarg, &import->shard, &import->shard_count))
             return 0;
@@ -317,6 +335,7 @@ static int take_option(struct arguments *arguments, int option)
     case OPTION_GEOID:
     case OPTION_CRS:
     case OPTION_NODATA:
+    case OPTION_SEA:
     case OPTION_PRIORITY:
     case OPTION_SOURCES:
         return take_source_option(arguments, option);
@@ -327,6 +346,7 @@ static int take_option(struct arguments *arguments, int option)
         return take_imagery_option(arguments, option);
     case OPTION_MAX_ERROR:
     case OPTION_FILL:
+    case OPTION_FEATHER:
     case OPTION_SHARD:
     case 'j':
         return take_work_option(arguments, option);

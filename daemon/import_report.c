@@ -139,6 +139,9 @@ static void print_comparison(const char *source, const struct import_comparison 
            comparison->exact ? "its own" : "resampled", comparison->worst_m,
            comparison->max_error_m, (unsigned long long)comparison->beyond,
            (unsigned long long)comparison->elsewhere);
+    if (comparison->feathered)
+        printf("%s: %llu posts are feathered into others and not compared\n", source,
+               (unsigned long long)comparison->feathered);
 }
 
 int import_report_comparison(void *user, const char *source,
@@ -148,9 +151,10 @@ int import_report_comparison(void *user, const char *source,
     const struct arguments *arguments = verification->arguments;
     verification->beyond += comparison->beyond;
     if (arguments->json)
-        print_json(json_pack("{s:o,s:b,s:I,s:I,s:I,s:f,s:f}", "source", cli_json_text(source),
+        print_json(json_pack("{s:o,s:b,s:I,s:I,s:I,s:I,s:f,s:f}", "source", cli_json_text(source),
                              "exact", comparison->exact, "posts", (json_int_t)comparison->posts,
-                             "elsewhere", (json_int_t)comparison->elsewhere, "beyond",
+                             "elsewhere", (json_int_t)comparison->elsewhere, "feathered",
+                             (json_int_t)comparison->feathered, "beyond",
                              (json_int_t)comparison->beyond, "worst_m", comparison->worst_m,
                              "max_error_m", comparison->max_error_m));
     else if (!arguments->quiet)

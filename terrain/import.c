@@ -128,6 +128,9 @@ static void name_import(struct import_job *job)
     hash = import_add_to_hash(hash, &database->step_m, sizeof(database->step_m));
     hash = import_add_to_hash(hash, database->import, strlen(database->import));
     hash = import_add_to_hash(hash, &job->params->fill_posts, sizeof(job->params->fill_posts));
+    if (job->params->feather_posts)
+        hash = import_add_to_hash(hash, &job->params->feather_posts,
+                                  sizeof(job->params->feather_posts));
     snprintf(job->database.import, sizeof(job->database.import), "%016llx",
              (unsigned long long)hash);
 }

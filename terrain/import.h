@@ -49,6 +49,8 @@ struct import_options {
     const char *crs;        /* for rasters without a usable one; NULL */
     bool has_nodata;
     double nodata;
+    bool has_sea;
+    double sea_m; /* heights at or below this are sea: lower sources say how deep it is */
     int priority; /* higher ones cover lower ones, later equal ones; of imagery: in the layer */
 };
 
@@ -59,6 +61,7 @@ struct import_input {
 
 #define IMPORT_FILL_DEFAULT 100
 #define IMPORT_FILL_MAX     256
+#define IMPORT_FEATHER_MAX  128
 
 /* For imports of imagery: all sources are images, or masks of water, of one layer. */
 struct import_imagery_params {
@@ -72,10 +75,12 @@ struct import_params {
     const struct import_imagery_params *imagery; /* NULL: the sources are elevation */
     const struct import_input *inputs;
     size_t input_count;
-    const char *database;        /* made where it is missing, added to where it exists */
-    const double *max_error_m;   /* NULL: 0.5, or the database's own */
-    int fill_posts;              /* voids up to so many posts wide are filled; 0: none */
-    unsigned jobs;               /* threads; 0: one for each processor */
+    const char *database;      /* made where it is missing, added to where it exists */
+    const double *max_error_m; /* NULL: 0.5, or the database's own */
+    int fill_posts;            /* voids up to so many posts wide are filled; 0: none */
+    int feather_posts; /* sources blend into lower ones over so many posts or pixels of the upper
+                        * one, whichever are wider apart, from its edge inwards; 0: not at all */
+    unsigned jobs;     /* threads; 0: one for each processor */
     unsigned shard, shard_count; /* shard 0 .. shard_count - 1; shard_count 0: all of it */
     import_progress_function progress;
     import_beyond_function beyond; /* NULL */
@@ -106,6 +111,7 @@ int import_vertical_from_name(const char *name, enum import_vertical *ret_vertic
 struct import_comparison {
     uint64_t posts;     /* that came from the source */
     uint64_t elsewhere; /* that it has, but where another covers it */
+    uint64_t feathered; /* that are blends of it and others, and not compared */
     uint64_t beyond;    /* further from the source than the bound, or missing */
     double worst_m;     /* largest difference */
     double max_error_m; /* the bound */

@@ -56,6 +56,22 @@ struct raster_spread raster_spread_of(const struct raster *raster, double lat_de
 
 void raster_measure_spacing(struct raster *raster);
 
+/* Positions of a lattice's posts, RASTER_CHUNK of them at most, into raster->lon and ->lat: pixels
+ * counted from the centre of the first one, NaN outside. */
+void raster_place_posts(struct raster *raster, const struct grid *grid,
+                        const struct raster_lattice *part);
+
+/* Whether the pixels nearest to places have data; false outside. 0, -EBADMSG, -ENOMEM. */
+int raster_has_data(struct raster *raster, int count, const double *lon_deg, const double *lat_deg,
+                    bool *ret_has, struct diag *diag);
+
+/* The same of the raster's own pixels x, x + stride, ... of a line. */
+int raster_mask_line(struct raster *raster, int64_t x, int64_t y, int stride, int count,
+                     bool *ret_has, struct diag *diag);
+
+/* Positions in pixels become longitudes and latitudes; NaN where there is no such place. */
+void raster_pixel_places(struct raster *raster, int count, double *x, double *y);
+
 /* How many pixels around a position count. */
 int raster_kernel_reach(struct raster_spread spread);
 

@@ -3,6 +3,7 @@
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "terrain/height_step.h"
 #include "terrain/import_raster_internal.h"
@@ -165,22 +166,13 @@ static int sample_direct(struct raster *raster, const struct grid *grid,
     return 0;
 }
 
-/* Positions of a part's posts in pixels counted from the centre of the raster's first one; NaN
- * outside. */
-static void place_posts(struct raster *raster, const struct grid *grid,
-                        const struct raster_lattice *lattice, const struct part *part)
+/* The first `count` longitudes and latitudes become positions in pixels counted from the centre of
+ * the raster's first one; NaN outside. */
+static void place(struct raster *raster, int count)
 {
-    int count = part->rows * part->cols;
     double margin = raster->area ? 0.5 : SNAP_PIXELS;
     double width = raster->facts.width, height = raster->facts.height;
     double turn = 360.0 / raster->dx; /* pixels round the globe, with the sign of dx */
-    for (int row = 0, i = 0; row < part->rows; row++)
-        for (int col = 0; col < part->cols; col++, i++) {
-            raster->lat[i] =
-                grid_post_lat_deg(grid, lattice->level, lattice->row0 + part->row + row);
-            raster->lon[i] = grid_post_lon_deg(grid, lattice->level, lattice->shift,
-                                               lattice->col0 + part->col + col);
-        }
     if (raster->from_lonlat)
         OCTTransform(raster->from_lonlat, count, raster->lon, raster->lat, NULL);
     for (int i = 0; i < count; i++) {
@@ -211,6 +203,17 @@ static void place_posts(struct raster *raster, const struct grid *grid,
         raster->lon[i] = inside ? x : NAN;
         raster->lat[i] = inside ? fmin(fmax(y, 0.0), height - 1.0) : NAN;
     }
+}
+
+void raster_place_posts(struct raster *raster, const struct grid *grid,
+                        const struct raster_lattice *part)
+{
+    for (int row = 0, i = 0; row < part->rows; row++)
+        for (int col = 0; col < part->cols; col++, i++) {
+            raster->lat[i] = grid_post_lat_deg(grid, part->level, part->row0 + row);
+            raster->lon[i] = grid_post_lon_deg(grid, part->level, part->shift, part->col0 + col);
+        }
+    place(raster, part->rows * part->cols);
 }
 
 static bool window_around(const struct raster *raster, int count, int reach,
@@ -291,7 +294,12 @@ static int sample_part(struct raster *raster, const struct grid *grid,
             raster_spread_at(raster, grid, lattice->level, lattice->row0 + part->row + row));
         reach = own > reach ? own : reach;
     }
-    place_posts(raster, grid, lattice, part);
+    struct raster_lattice posts = *lattice;
+    posts.row0 += part->row;
+    posts.col0 += part->col;
+    posts.rows = part->rows;
+    posts.cols = part->cols;
+    raster_place_posts(raster, grid, &posts);
     if (!window_around(raster, count, reach, &window))
         return 0;
     if ((int64_t)window.width * window.height > WINDOW_PIXELS && count > 1)
@@ -317,4 +325,74 @@ int raster_sample(struct raster *raster, const struct grid *grid,
         ret_heights_m[i] = NAN;
     int r = sample_direct(raster, grid, lattice, ret_heights_m, diag);
     return r == 1 ? sample_part(raster, grid, lattice, &whole, ret_heights_m, diag) : r;
+}
+
+int raster_has_data(struct raster *raster, int count, const double *lon_deg, const double *lat_deg,
+                    bool *ret_has, struct diag *diag)
+{
+    struct raster_window window;
+    int half = count / 2, r = 0;
+    bool small = count <= RASTER_CHUNK;
+    for (int i = 0; i < count; i++)
+        ret_has[i] = false;
+    if (small) {
+        memcpy(raster->lon, lon_deg, (size_t)count * sizeof(*lon_deg));
+        memcpy(raster->lat, lat_deg, (size_t)count * sizeof(*lat_deg));
+        place(raster, count);
+        if (!window_around(raster, count, 0, &window))
+            return 0;
+        small = (int64_t)window.width * window.height <= WINDOW_PIXELS || count == 1;
+    }
+    if (!small) {
+        r = raster_has_data(raster, half, lon_deg, lat_deg, ret_has, diag);
+        return r < 0 ? r
+                     : raster_has_data(raster, count - half, lon_deg + half, lat_deg + half,
+                                       ret_has + half, diag);
+    }
+    r = fill_window(raster, &window, diag);
+    for (int i = 0; r == 0 && i < count; i++) {
+        if (isnan(raster->lon[i]))
+            continue;
+        int x = (int)nearbyint(raster->lon[i]) - window.x;
+        int y = (int)nearbyint(raster->lat[i]) - window.y;
+        ret_has[i] =
+            !raster_is_void(raster, window.pixels[(size_t)y * (size_t)window.width + (size_t)x]);
+    }
+    return r;
+}
+
+int raster_mask_line(struct raster *raster, int64_t x, int64_t y, int stride, int count,
+                     bool *ret_has, struct diag *diag)
+{
+    int64_t width = raster->facts.width;
+    for (int i = 0; i < count; i++)
+        ret_has[i] = false;
+    if (y < 0 || y >= raster->facts.height)
+        return 0;
+    struct raster_window window = {.x = (int)(raster->periodic ? x
+                                              : x < 0          ? 0
+                                                               : x),
+                                   .y = (int)y,
+                                   .height = 1};
+    int64_t end = x + (int64_t)stride * (count - 1) + 1;
+    window.width = (int)((raster->periodic || end < width ? end : width) - window.x);
+    int r = window.width > 0 ? fill_window(raster, &window, diag) : 1;
+    for (int i = 0; r == 0 && i < count; i++) {
+        int64_t at = x + (int64_t)stride * i - window.x;
+        ret_has[i] = at >= 0 && at < window.width && !raster_is_void(raster, window.pixels[at]);
+    }
+    return r < 0 ? r : 0;
+}
+
+void raster_pixel_places(struct raster *raster, int count, double *x, double *y)
+{
+    for (int i = 0; i < count; i++) {
+        x[i] = raster->west + raster->dx * x[i];
+        y[i] = raster->north + raster->dy * y[i];
+    }
+    if (raster->to_lonlat)
+        OCTTransform(raster->to_lonlat, count, x, y, NULL);
+    for (int i = 0; i < count; i++)
+        if (!isfinite(x[i]) || !isfinite(y[i]) || fabs(y[i]) > 90.0)
+            x[i] = y[i] = NAN;
 }

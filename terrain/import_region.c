@@ -5,6 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "terrain/import_feather.h"
+
 #define STRIP_ROWS 64 /* sampled at once from one source */
 #define EDGE_CELLS 0.01
 
@@ -35,28 +37,49 @@ static int reserve(struct import_region *region, const struct raster_lattice *la
     if (count > region->capacity) {
         free(region->heights_m);
         free(region->origins);
+        free(region->sea);
         region->capacity = 0;
         region->heights_m = malloc(count * sizeof(*region->heights_m));
         region->origins = malloc(count * sizeof(*region->origins));
-        if (!region->heights_m || !region->origins)
+        region->sea = malloc(count * sizeof(*region->sea));
+        if (!region->heights_m || !region->origins || !region->sea)
             return -ENOMEM;
         region->capacity = count;
     }
     if (strip > region->strip_capacity) {
         free(region->strip_m);
         free(region->strip_origins);
+        free(region->strip_sea);
         region->strip_capacity = 0;
         region->strip_m = malloc(strip * sizeof(*region->strip_m));
         region->strip_origins = malloc(strip * sizeof(*region->strip_origins));
-        if (!region->strip_m || !region->strip_origins)
+        region->strip_sea = malloc(strip * sizeof(*region->strip_sea));
+        if (!region->strip_m || !region->strip_origins || !region->strip_sea)
             return -ENOMEM;
         region->strip_capacity = strip;
     }
     for (size_t i = 0; i < count; i++)
         region->heights_m[i] = NAN;
     memset(region->origins, 0, count * sizeof(*region->origins));
+    memset(region->sea, 0, count * sizeof(*region->sea));
     region->lattice = *lattice;
     return 0;
+}
+
+/* Lays a height under what a post has. True where nothing below it is of interest any more. */
+static bool lay_under(struct import_region *region, size_t at, float height_m, uint16_t origin,
+                      bool sea)
+{
+    bool is_void = isnan(region->heights_m[at]);
+    if (isnan(height_m) || (!is_void && !region->sea[at]))
+        return false;
+    /* Under a sea there is its bed, but no land. */
+    if (is_void || height_m < region->heights_m[at]) {
+        region->heights_m[at] = height_m;
+        region->origins[at] = origin;
+    }
+    region->sea[at] = sea;
+    return !sea;
 }
 
 /* Lays a source under what the region has. The voids that are left are counted. */
@@ -74,18 +97,17 @@ static int add_source(const struct import_stack *stack, struct import_region *re
         strip.rows = strip.rows - row < STRIP_ROWS ? strip.rows - row : STRIP_ROWS;
         if (!touches(grid, &strip, &source->facts))
             continue;
+        size_t count = (size_t)strip.rows * (size_t)strip.cols;
         r = raster_sample(raster, grid, &strip, region->strip_m, diag);
+        for (size_t i = 0; r == 0 && i < count; i++) /* before it is any datum's */
+            region->strip_sea[i] =
+                source->options->has_sea && (double)region->strip_m[i] <= source->options->sea_m;
         if (r == 0)
             r = import_datum_apply(&region->datum, source->options, grid, &strip, region->strip_m,
                                    diag);
-        size_t count = (size_t)strip.rows * (size_t)strip.cols;
-        for (size_t i = 0; r == 0 && i < count; i++) {
-            if (isnan(region->strip_m[i]) || !isnan(region->heights_m[at + i]))
-                continue;
-            region->heights_m[at + i] = region->strip_m[i];
-            region->origins[at + i] = (uint16_t)source->id;
-            --*voids;
-        }
+        for (size_t i = 0; r == 0 && i < count; i++)
+            *voids -= lay_under(region, at + i, region->strip_m[i], (uint16_t)source->id,
+                                region->strip_sea[i]);
     }
     if (r == -EBADMSG) { /* it may have been cut short under our hands */
         int changed = import_check_source(source, diag);
@@ -133,9 +155,12 @@ static int add_old(const struct import_stack *stack, struct import_region *regio
             struct import_rank new = stack->ranks[region->origins[at] & TILE_ORIGIN_SOURCE];
             if (isnan(region->strip_m[col]) || old.replaced ||
                 (origin == TILE_ORIGIN_MADE &&
-                 !import_region_stays(block, &region->lattice, row, col)) ||
-                (!isnan(region->heights_m[at]) && new.priority >= old.priority))
+                 !import_region_stays(block, &region->lattice, row, col)))
                 continue;
+            if (!isnan(region->heights_m[at]) && new.priority >= old.priority) {
+                lay_under(region, at, region->strip_m[col], origin, false);
+                continue;
+            }
             region->heights_m[at] = region->strip_m[col];
             region->origins[at] = origin;
         }
@@ -158,6 +183,8 @@ int import_region_fill(const struct import_stack *stack, struct import_region *r
         r = import_old_open(job->params->database, &region->old, diag);
     if (r == 0 && job->old)
         r = add_old(stack, region, block, diag);
+    if (r == 0 && job->params->feather_posts > 0 && stack->count + stack->old_count > 1)
+        r = import_feather(stack, region, diag);
     return r;
 }
 
@@ -177,8 +204,33 @@ void import_region_finish(struct import_region *region)
     import_old_close(region->old);
     free(region->heights_m);
     free(region->origins);
+    free(region->sea);
     free(region->strip_m);
     free(region->strip_origins);
+    free(region->strip_sea);
+}
+
+static int by_old_rank(const void *a, const void *b, void *user)
+{
+    const struct import_job *job = user;
+    const struct database_import *x = &job->imports[*(const size_t *)a];
+    const struct database_import *y = &job->imports[*(const size_t *)b];
+    int p = x->info.priority, q = y->info.priority;
+    return p != q ? (p < q) - (p > q) : (x->id < y->id) - (x->id > y->id);
+}
+
+static int order_old(struct import_stack *stack)
+{
+    const struct import_job *job = stack->job;
+    stack->old_order = malloc((job->import_count + 1) * sizeof(*stack->old_order));
+    if (!stack->old_order)
+        return -ENOMEM;
+    for (size_t i = 0; i < job->import_count; i++)
+        if (!job->replaced[i])
+            stack->old_order[stack->old_count++] = i;
+    qsort_r(stack->old_order, stack->old_count, sizeof(*stack->old_order), by_old_rank,
+            (void *)job);
+    return 0;
 }
 
 int import_stack_init(struct import_stack *stack, const struct import_job *job)
@@ -186,6 +238,8 @@ int import_stack_init(struct import_stack *stack, const struct import_job *job)
     *stack = (struct import_stack){.job = job};
     stack->ranks = calloc(TILE_ORIGIN_SOURCE + 1, sizeof(*stack->ranks));
     int r = stack->ranks ? import_order_sources(job, &stack->order, &stack->count) : -ENOMEM;
+    if (r == 0)
+        r = order_old(stack);
     for (size_t i = 0; r == 0 && i < job->import_count; i++)
         stack->ranks[job->imports[i].id] =
             (struct import_rank){job->imports[i].info.priority, job->replaced[i]};
@@ -199,5 +253,6 @@ int import_stack_init(struct import_stack *stack, const struct import_job *job)
 void import_stack_finish(struct import_stack *stack)
 {
     free(stack->order);
+    free(stack->old_order);
     free(stack->ranks);
 }

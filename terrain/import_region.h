@@ -16,6 +16,8 @@ struct import_stack {
     const struct import_job *job;
     size_t *order; /* of job->sources, the ones that cover first */
     size_t count;
+    size_t *old_order; /* of job->imports, those that are not replaced, likewise */
+    size_t old_count;
     struct import_rank *ranks; /* by id of source */
 };
 
@@ -29,12 +31,14 @@ struct import_region {
     struct raster_lattice lattice;
     float *heights_m; /* NaN: void */
     uint16_t *origins;
+    bool *sea; /* posts whose height is a sea's, until a lower source says how deep it is */
     size_t capacity;
     struct import_rasters rasters;
     struct import_datum datum;
     struct import_old *old;
     float *strip_m; /* of one source, or a row of the old database */
     uint16_t *strip_origins;
+    bool *strip_sea;
     size_t strip_capacity;
 };
 

@@ -17,7 +17,9 @@ static void add_options_to_key(const struct import_options *options, char *key, 
         used += (size_t)snprintf(key + used, size - used, " crs=%08lx", sum);
     }
     if (options->has_nodata)
-        snprintf(key + used, size - used, " nodata=%.17g", options->nodata);
+        used += (size_t)snprintf(key + used, size - used, " nodata=%.17g", options->nodata);
+    if (options->has_sea)
+        snprintf(key + used, size - used, " sea=%.17g", options->sea_m);
 }
 
 static int fill_key(struct import_source *source, bool imagery, struct diag *diag)
