@@ -105,9 +105,10 @@ static json_t *json_images(const struct database_layers *layers, int layer)
     for (size_t i = 0; i < layers->image_count; i++) {
         const struct database_image *image = &layers->images[i];
         if (image->layer == layer)
-            json_array_append_new(list, json_pack("{s:s,s:i,s:i,s:I}", "name", image->name, "width",
-                                                  image->width, "height", image->height, "bytes",
-                                                  (json_int_t)image->bytes));
+            json_array_append_new(list,
+                                  json_pack("{s:o,s:i,s:i,s:I}", "name", cli_json_text(image->name),
+                                            "width", image->width, "height", image->height, "bytes",
+                                            (json_int_t)image->bytes));
     }
     return list;
 }
@@ -126,11 +127,11 @@ static int json_layers(struct database *database, const struct database_info *in
                 json_array_append_new(counts, json_pack("{s:i,s:I,s:I}", "level", layer->level + j,
                                                         "tiles", (json_int_t)levels[j].tiles,
                                                         "bytes", (json_int_t)levels[j].bytes));
-        json_array_append_new(list,
-                              json_pack("{s:s,s:s,s:i,s:f,s:o,s:o}", "name", layer->name, "kind",
-                                        kind_name(layer->kind), "priority", layer->priority,
-                                        "texel_deg", texel_deg(info, layer->level), "levels",
-                                        counts, "images", json_images(layers, layer->id)));
+        json_array_append_new(list, json_pack("{s:o,s:s,s:i,s:f,s:o,s:o}", "name",
+                                              cli_json_text(layer->name), "kind",
+                                              kind_name(layer->kind), "priority", layer->priority,
+                                              "texel_deg", texel_deg(info, layer->level), "levels",
+                                              counts, "images", json_images(layers, layer->id)));
     }
     return r;
 }
@@ -140,10 +141,10 @@ static json_t *json_sources(const struct database_info *info)
     json_t *list = json_array();
     for (size_t i = 0; i < info->source_count; i++) {
         const struct database_source_info *s = &info->sources[i];
-        json_array_append_new(list, json_pack("{s:s,s:s,s:i,s:b,s:i,s:i,s:I}", "name", s->name,
-                                              "vertical", s->vertical, "priority", s->priority,
-                                              "exact", s->exact, "width", s->width, "height",
-                                              s->height, "bytes", (json_int_t)s->bytes));
+        json_array_append_new(
+            list, json_pack("{s:o,s:s,s:i,s:b,s:i,s:i,s:I}", "name", cli_json_text(s->name),
+                            "vertical", s->vertical, "priority", s->priority, "exact", s->exact,
+                            "width", s->width, "height", s->height, "bytes", (json_int_t)s->bytes));
     }
     return list;
 }
@@ -159,12 +160,12 @@ static int print_json(struct database *database, const struct database_info *inf
                                                 (json_int_t)info->level[level].bytes, "error_m",
                                                 info->level[level].error_m));
     json_t *root = json_pack(
-        "{s:s,s:i,s:f,s:{s:f,s:f,s:f,s:f},s:f,s:f,s:f,s:f,s:f,s:I,s:I,s:f,s:o,s:o,s:o}", "path",
-        info->path, "format", info->version, "posts_per_degree", info->grid.posts_per_degree,
-        "extent_deg", "south", info->south_deg, "west", info->west_deg, "north", info->north_deg,
-        "east", info->east_deg, "lat_step_deg", info->finest_lat_step_deg, "lon_step_deg",
-        info->finest_lon_step_deg, "min_m", info->min_m, "max_m", info->max_m, "max_error_m",
-        info->max_error_m, "posts", (json_int_t)info->posts, "file_bytes",
+        "{s:o,s:i,s:f,s:{s:f,s:f,s:f,s:f},s:f,s:f,s:f,s:f,s:f,s:I,s:I,s:f,s:o,s:o,s:o}", "path",
+        cli_json_text(info->path), "format", info->version, "posts_per_degree",
+        info->grid.posts_per_degree, "extent_deg", "south", info->south_deg, "west", info->west_deg,
+        "north", info->north_deg, "east", info->east_deg, "lat_step_deg", info->finest_lat_step_deg,
+        "lon_step_deg", info->finest_lon_step_deg, "min_m", info->min_m, "max_m", info->max_m,
+        "max_error_m", info->max_error_m, "posts", (json_int_t)info->posts, "file_bytes",
         (json_int_t)info->file_bytes, "bytes_per_post", info->bytes_per_post, "levels", levels,
         "sources", json_sources(info), "layers", imagery);
     json_dumpf(root, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(12));

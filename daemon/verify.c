@@ -72,7 +72,7 @@ static bool tell(void *user, const struct database_fault *fault, uint64_t done, 
 {
     struct verify_options *options = user;
     if (fault && options->json)
-        json_array_append_new(options->faults, json_string(fault->text));
+        json_array_append_new(options->faults, cli_json_text(fault->text));
     else if (fault && !options->quiet)
         printf("%s\n", fault->text);
     else if (!fault && options->progress)
