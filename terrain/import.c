@@ -10,6 +10,7 @@
 #include "terrain/database_lock.h"
 #include "terrain/import_imagery.h"
 #include "terrain/import_part.h"
+#include "terrain/parallel.h"
 
 /* What all threads and GDAL's cache may take together; the rest is the process itself. A large
  * cache spares rasters in strips from being unpacked again for every block. */
@@ -344,9 +345,8 @@ int import_run(const struct import_params *params, struct import_result *ret_res
     struct import_job *job = calloc(1, sizeof(*job));
     if (!job)
         return -ENOMEM;
-    long processors = sysconf(_SC_NPROCESSORS_ONLN);
     job->params = params;
-    job->jobs = params->jobs ? params->jobs : processors > 0 ? (unsigned)processors : 1;
+    job->jobs = params->jobs ? params->jobs : parallel_processors();
     if (job->jobs > PYRAMID_JOBS_MAX)
         job->jobs = PYRAMID_JOBS_MAX;
     raster_start_up(MEMORY_MIB - (int)job->jobs * WORKER_MIB);
