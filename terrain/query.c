@@ -167,7 +167,7 @@ void query_answer_at(struct query *query, double lat_deg, double lon_deg,
 {
     if (query->grid) {
         struct surface_place place;
-        surface_place(query->grid, lat_deg, lon_deg, &place);
+        surface_place(query->grid, 0, lat_deg, lon_deg, &place);
         answer_at_place(query, &place, lat_deg, lon_deg, ret_answer);
     } else {
         *ret_answer = (struct query_answer){.height_m = NAN};
@@ -205,7 +205,7 @@ static void answer_batch(struct query *query, const struct query_place *places, 
 {
     for (size_t i = 0; i < count; i++) {
         struct surface_place *place = &query->places[i];
-        surface_place(query->grid, places[i].lat_deg, places[i].lon_deg, place);
+        surface_place(query->grid, 0, places[i].lat_deg, places[i].lon_deg, place);
         struct tile_id id = {0, place->south.tile_row, place->south.tile_col};
         query->order[i] = (struct query_order){tile_key(id), (uint32_t)i};
     }

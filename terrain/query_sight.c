@@ -206,7 +206,7 @@ static void read_cell(struct query *query, const struct piece *piece, double s,
 {
     ret_cell->lat_deg = limit(value(&piece->lat_deg, s), -90.0, 90.0);
     ret_cell->lon_deg = value(&piece->lon_deg, s);
-    surface_place(query->grid, ret_cell->lat_deg, ret_cell->lon_deg, &ret_cell->place);
+    surface_place(query->grid, 0, ret_cell->lat_deg, ret_cell->lon_deg, &ret_cell->place);
     bool one_tile = ret_cell->place.north.tile_row == ret_cell->place.south.tile_row;
     read_line(query, 0, &ret_cell->place.south, ret_cell->heights_m);
     read_line(query, one_tile ? 0 : 1, &ret_cell->place.north, ret_cell->heights_m + 2);
