@@ -130,3 +130,9 @@ int database_source_open(const char *path, unsigned cache_tiles, struct terrain_
 struct database *database_of_source(struct terrain_source *source);
 /* Its decoded tiles, which other threads may share once it streams; borrowed. */
 struct tile_cache *tile_cache_of_source(struct terrain_source *source);
+
+struct dig;
+/* What was dug in it, which other threads may share; borrowed. */
+struct dig *dig_of_source(struct terrain_source *source);
+/* Lets a source show what another thread digs in its database; borrowed. Before it streams. */
+void database_source_share_dig(struct terrain_source *source, struct dig *dig);

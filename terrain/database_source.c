@@ -14,6 +14,7 @@
 
 #include "terrain/database_extent.h"
 #include "terrain/database_internal.h"
+#include "terrain/dig.h"
 #include "terrain/surface.h"
 #include "terrain/tile_cache.h"
 
@@ -28,6 +29,7 @@ struct database_source {
     struct terrain_source source;
     struct database *database;
     struct tile_cache *cache;
+    struct dig *dig, *own_dig; /* the latter where it is not shared */
     struct terrain_facts facts;
     float *rows; /* two rows of posts, owned; row_capacity each */
     int row_capacity;
@@ -257,13 +259,20 @@ static void count_tiles(struct database_source *source)
     struct tile_cache_counts counts;
     tile_cache_counts(source->cache, &counts);
     source->source.tiles_loaded = counts.loaded;
-    source->source.read_errors = counts.errors;
+    source->source.read_errors = counts.errors + dig_errors(source->dig);
     source->source.tile_hits = counts.hits;
     source->source.tile_misses = counts.late;
     source->source.prefetched = counts.prefetched;
     source->source.longest_late_ms = counts.longest_late_ms;
     source->source.tiles_resident = counts.resident;
     source->source.tiles_pending = counts.pending;
+}
+
+/* Dug tiles come before what only lies ahead, and after what is under the eye. */
+static struct dig_ground ground_of(const struct database_source *source)
+{
+    return (struct dig_ground){
+        .cache = source->cache, .wait = !source->streams, .rank = -RANK_PER_LEVEL};
 }
 
 static int source_sample_grid(struct terrain_source *terrain_source,
@@ -283,6 +292,10 @@ static int source_sample_grid(struct terrain_source *terrain_source,
     for (int row = 0; row < grid->rows; row++)
         fill_row(source, level, (double)(grid->row0 + row) * grid->lat_step_deg, &columns, &pair,
                  ret_height_m + (size_t)row * (size_t)grid->cols);
+    if (dig_any(source->dig)) {
+        struct dig_ground ground = ground_of(source);
+        source->late |= dig_sample_grid(source->dig, &ground, grid, ret_height_m);
+    }
     count_tiles(source);
     return source->late ? TERRAIN_LATE : 0;
 }
@@ -301,7 +314,13 @@ static int source_sample_point(struct terrain_source *terrain_source, double lat
 {
     if (!isfinite(lat_deg) || !isfinite(lon_deg) || fabs(lat_deg) > 90.0 || fabs(lon_deg) > 1e6)
         return -EINVAL;
-    *ret_height_m = (double)height_at(of(terrain_source), lat_deg, lon_deg);
+    struct database_source *source = of(terrain_source);
+    struct dig_ground ground = ground_of(source);
+    struct dig_cell cell;
+    if (dig_any(source->dig) && dig_cell_at(source->dig, &ground, lat_deg, lon_deg, &cell))
+        *ret_height_m = (double)surface_height_m(&cell.place, cell.south_m, cell.north_m);
+    else
+        *ret_height_m = (double)height_at(source, lat_deg, lon_deg);
     count_tiles(of(terrain_source));
     return 0;
 }
@@ -314,6 +333,8 @@ static int source_stream(struct terrain_source *terrain_source, void (*arrived)(
     unsigned workers = processors < 4 ? 1 : processors < 16 ? (unsigned)processors / 4 : 4;
     int r = tile_cache_start(source->cache, workers, arrived, user, diag);
     source->streams = r == 0;
+    if (r == 0)
+        dig_listen(source->dig, arrived, user);
     return r;
 }
 
@@ -357,6 +378,16 @@ static void source_prefetch(struct terrain_source *terrain_source, const struct 
         prefetch_tile_row(source, level, row, grid);
 }
 
+static bool source_changed(struct terrain_source *terrain_source, struct terrain_rect *ret_rect)
+{
+    struct stamp_extent extent;
+    if (!dig_take_change(of(terrain_source)->dig, &extent))
+        return false;
+    *ret_rect =
+        (struct terrain_rect){extent.south_deg, extent.west_deg, extent.north_deg, extent.east_deg};
+    return true;
+}
+
 static void source_facts(const struct terrain_source *terrain_source,
                          struct terrain_facts *ret_facts)
 {
@@ -366,6 +397,9 @@ static void source_facts(const struct terrain_source *terrain_source,
 static void source_destroy(struct terrain_source *terrain_source)
 {
     struct database_source *source = of(terrain_source);
+    if (source->dig)
+        dig_listen(source->dig, NULL, NULL);
+    dig_close(source->own_dig);
     tile_cache_destroy(source->cache);
     database_close(source->database);
     free(source->rows);
@@ -381,6 +415,7 @@ static const struct terrain_source_ops database_source_ops = {
     .settle = source_settle,
     .prefetch = source_prefetch,
     .focus = source_focus,
+    .changed = source_changed,
 };
 
 struct database *database_of_source(struct terrain_source *source)
@@ -391,6 +426,18 @@ struct database *database_of_source(struct terrain_source *source)
 struct tile_cache *tile_cache_of_source(struct terrain_source *source)
 {
     return source->ops == &database_source_ops ? of(source)->cache : NULL;
+}
+
+struct dig *dig_of_source(struct terrain_source *source)
+{
+    return source->ops == &database_source_ops ? of(source)->dig : NULL;
+}
+
+void database_source_share_dig(struct terrain_source *source, struct dig *dig)
+{
+    dig_close(of(source)->own_dig);
+    of(source)->own_dig = NULL;
+    of(source)->dig = dig;
 }
 
 int database_source_open(const char *path, unsigned cache_tiles, struct terrain_source **ret_source,
@@ -404,6 +451,9 @@ int database_source_open(const char *path, unsigned cache_tiles, struct terrain_
     int r = database_open(path, &source->database, diag);
     if (r == 0)
         r = tile_cache_create(source->database, cache_tiles, &source->cache);
+    if (r == 0)
+        r = dig_open(path, &source->own_dig, diag);
+    source->dig = source->own_dig;
     if (r == 0)
         r = database_extent_of(source->database, &extent, diag);
     if (r < 0) {
