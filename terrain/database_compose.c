@@ -10,6 +10,7 @@
 #include "terrain/database_internal.h"
 #include "terrain/database_layers.h"
 #include "terrain/database_writer.h"
+#include "terrain/dig_store.h"
 
 /* Decision 0006 has the measurements: payloads lie one behind the other in packs, because what the
  * last page of a row leaves free is lost; small pages, because every table loses half of one. */
@@ -164,13 +165,15 @@ static int put_in_place(const char *from, const char *to, struct diag *diag)
 int database_compose(const char *path, struct database *const parts[], size_t count,
                      struct diag *diag)
 {
-    struct database *output = calloc(1, sizeof(*output));
+    struct database *output = calloc(1, sizeof(*output)), *held = NULL;
     struct database_params params;
     if (!output)
         return -ENOMEM;
     snprintf(output->path, sizeof(output->path), "%.*s.new", DATABASE_NAME_MAX - 8, path);
     unlink(output->path);
-    int r = database_get_params(parts[0], &params, diag);
+    int r = database_hold(path, &held, diag);
+    if (r == 0)
+        r = database_get_params(parts[0], &params, diag);
     params.shard[0] = '\0';
     if (r == 0)
         r = database_make(output, COMPOSE_PRAGMAS, DATABASE_APPLICATION_ID, &params, diag);
@@ -180,6 +183,8 @@ int database_compose(const char *path, struct database *const parts[], size_t co
         r = copy_tiles(output, parts, count, diag);
     if (r == 0)
         r = database_copy_images(output, parts, count, diag);
+    for (size_t i = 0; r == 0 && i < count; i++)
+        r = dig_store_copy(output, parts[i], diag);
     if (r == 0)
         r = database_seal_meta(output, diag);
     if (r == 0)
@@ -191,5 +196,6 @@ int database_compose(const char *path, struct database *const parts[], size_t co
         r = put_in_place(name, path, diag);
     if (r < 0)
         unlink(name);
+    database_close(held);
     return r;
 }

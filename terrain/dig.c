@@ -39,37 +39,60 @@ static const float *look(struct dig_view *view, int i, struct tile_id id)
     return view->pins[i].heights_m;
 }
 
-/* The finest surface of the database, as terrain/query.c has it. */
-static float base_height_m(const struct dig_grid *grid, struct dig_view *view, double lat_deg,
-                           double lon_deg)
+/* The cells of the database's level 0 that a tile's posts are in, along one row. */
+struct cells {
+    int32_t tile_row; /* whose posts count on both sides; else each place is looked up */
+    struct surface_place places[TILE_POSTS];
+};
+
+static double post_lon_deg(const struct grid *grid, struct tile_id id, int col)
 {
-    struct surface_place place;
-    surface_place(&grid->base, 0, lat_deg, lon_deg, &place);
-    const float *south_m =
-        look(view, 0, (struct tile_id){0, place.south.tile_row, place.south.tile_col});
-    const float *north_m = south_m;
-    if (place.north.tile_row != place.south.tile_row)
-        north_m = look(view, 1, (struct tile_id){0, place.north.tile_row, place.north.tile_col});
-    return surface_height_m(&place, south_m, north_m);
+    return grid_post_lon_deg(grid, id.level, grid_lon_shift(grid, id.level, id.row),
+                             (int64_t)id.col * TILE_CELLS + col);
+}
+
+/* A row of posts between the database's own: along it only the cells' columns differ. */
+static void finer_row(const struct dig_grid *grid, struct dig_view *view, struct tile_id id,
+                      struct cells *cells, double lat_deg, int last_col, float *ret_heights_m)
+{
+    struct surface_place first;
+    surface_place(&grid->base, 0, lat_deg, post_lon_deg(&grid->grid, id, 0), &first);
+    bool one_tile = first.south.tile_row == first.north.tile_row;
+    if (!one_tile || cells->tile_row != first.south.tile_row)
+        for (int col = 0; col <= last_col; col++)
+            surface_place(&grid->base, 0, lat_deg, post_lon_deg(&grid->grid, id, col),
+                          &cells->places[col]);
+    cells->tile_row = one_tile ? first.south.tile_row : INT32_MAX;
+    int south_row = first.south.post / TILE_POSTS, north_row = first.north.post / TILE_POSTS;
+    for (int col = 0; col <= last_col; col++) {
+        struct surface_place *place = &cells->places[col];
+        place->up = first.up;
+        place->south.post = place->south.post % TILE_POSTS + south_row * TILE_POSTS;
+        place->north.post = place->north.post % TILE_POSTS + north_row * TILE_POSTS;
+        const float *south_m =
+            look(view, 0, (struct tile_id){0, place->south.tile_row, place->south.tile_col});
+        const float *north_m = south_m;
+        if (!one_tile)
+            north_m =
+                look(view, 1, (struct tile_id){0, place->north.tile_row, place->north.tile_col});
+        ret_heights_m[col] = surface_height_m(place, south_m, north_m);
+    }
 }
 
 /* Posts between the database's own; what repeats the last true post repeats it. */
-static void finer_heights(const struct dig_grid *dig_grid, struct dig_view *view, struct tile_id id,
+static void finer_heights(const struct dig_grid *grid, struct dig_view *view, struct tile_id id,
                           float *ret_heights_m)
 {
-    const struct grid *grid = &dig_grid->grid;
-    unsigned shift = grid_lon_shift(grid, id.level, id.row);
     int first_row, last_row, last_col;
-    grid_tile_extent(grid, id, &first_row, &last_row, &last_col);
+    struct cells cells = {.tile_row = INT32_MAX};
+    grid_tile_extent(&grid->grid, id, &first_row, &last_row, &last_col);
     for (int row = 0; row < TILE_POSTS; row++) {
-        double lat_deg = grid_post_lat_deg(grid, id.level, (int64_t)id.row * TILE_CELLS + row);
-        for (int col = 0; col < TILE_POSTS; col++)
-            ret_heights_m[row * TILE_POSTS + col] =
-                col > last_col
-                    ? ret_heights_m[row * TILE_POSTS + last_col]
-                    : base_height_m(dig_grid, view, lat_deg,
-                                    grid_post_lon_deg(grid, id.level, shift,
-                                                      (int64_t)id.col * TILE_CELLS + col));
+        float *line = ret_heights_m + row * TILE_POSTS;
+        finer_row(grid, view, id, &cells,
+                  grid_post_lat_deg(&grid->grid, id.level, (int64_t)id.row * TILE_CELLS + row),
+                  last_col, line);
+        for (int col = last_col + 1; col < TILE_POSTS; col++)
+            line[col] = line[last_col];
     }
 }
 

@@ -80,10 +80,7 @@ int dig_store_exists(struct database *database, struct diag *diag)
 
 int dig_store_create(struct database *database, struct diag *diag)
 {
-    int r = dig_store_exists(database, diag);
-    if (r != 0)
-        return r < 0 ? r : 0;
-    r = database_sql_run(database, "PRAGMA journal_mode=WAL", diag);
+    int r = database_sql_run(database, "PRAGMA journal_mode=WAL", diag);
     return r < 0 ? r : database_sql_run(database, schema, diag);
 }
 
@@ -388,6 +385,30 @@ int dig_store_list_tiles(struct database *database, const struct dig_grid *grid,
                  sqlite3_column_int64(statement, 1));
     sqlite3_finalize(statement);
     return r;
+}
+
+int dig_store_count(struct database *database, struct dig_counts *ret_counts, struct diag *diag)
+{
+    sqlite3_stmt *row = NULL;
+    *ret_counts = (struct dig_counts){0};
+    int r = dig_store_exists(database, diag);
+    if (r != 1)
+        return r;
+    r = database_sql_prepare(
+        database,
+        "SELECT (SELECT count(*) FROM stamps WHERE undone = 0),"
+        " (SELECT count(*) FROM stamps WHERE undone <> 0), (SELECT count(*) FROM dug_tiles),"
+        " (SELECT total(length(payload)) FROM dug_tiles) + (SELECT total(length(body)) FROM "
+        "stamps)",
+        &row, diag);
+    if (r == 0)
+        r = database_sql_step(database, row, "counting what was dug", diag);
+    if (r == 1)
+        *ret_counts = (struct dig_counts){
+            (uint64_t)sqlite3_column_int64(row, 0), (uint64_t)sqlite3_column_int64(row, 1),
+            (uint64_t)sqlite3_column_int64(row, 2), (uint64_t)sqlite3_column_int64(row, 3)};
+    sqlite3_finalize(row);
+    return r < 0 ? r : 0;
 }
 
 static int copy_row(void *user, const struct dig_row *row, struct diag *diag)

@@ -78,6 +78,14 @@ typedef void (*dig_tile_function)(void *user, struct tile_id id, int64_t stamp);
 int dig_store_list_tiles(struct database *database, const struct dig_grid *grid,
                          dig_tile_function function, void *user, struct diag *diag);
 
+struct dig_counts {
+    uint64_t stamps, undone; /* that count; that were taken back */
+    uint64_t tiles, bytes;   /* of dug tiles; of these and of the stamps */
+};
+
+/* Zeros where the database has not been dug. */
+int dig_store_count(struct database *database, struct dig_counts *ret_counts, struct diag *diag);
+
 /* Makes the journal of `from` that of `to`, whose transaction is open; its tiles are left behind:
  * they are made again. */
 int dig_store_copy(struct database *to, struct database *from, struct diag *diag);
