@@ -14,6 +14,7 @@ int cli_exit_status(int error)
         return EX_OK;
     case EINVAL:
     case EEXIST:
+    case E2BIG:
         return EX_USAGE;
     case ENOENT:
     case ENOTDIR:

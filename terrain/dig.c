@@ -280,6 +280,11 @@ const struct dig_grid *dig_grid_of(const struct dig *dig)
     return &dig->index.grid;
 }
 
+const struct dig_index *dig_index_of(const struct dig *dig)
+{
+    return &dig->index;
+}
+
 void dig_listen(struct dig *dig, void (*changed)(void *user), void *user)
 {
     pthread_mutex_lock(&dig->lock);

@@ -62,6 +62,8 @@ bool dig_raise(struct dig *dig, struct tile_id id, float *max_m);
 
 /* Its tiles, of which dig_cell_at() names levels. */
 const struct dig_grid *dig_grid_of(const struct dig *dig);
+/* Its stamps, while nobody digs. */
+const struct dig_index *dig_index_of(const struct dig *dig);
 
 /* `changed` is called, by the writer's thread, after the ground has changed; NULL ends that. */
 void dig_listen(struct dig *dig, void (*changed)(void *user), void *user);

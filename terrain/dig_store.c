@@ -84,6 +84,12 @@ int dig_store_create(struct database *database, struct diag *diag)
     return r < 0 ? r : database_sql_run(database, schema, diag);
 }
 
+void dig_store_fold(struct database *database)
+{
+    sqlite3_busy_timeout(database->sql, 0);
+    sqlite3_exec(database->sql, "PRAGMA journal_mode=DELETE", NULL, NULL, NULL);
+}
+
 static uint32_t row_checksum(const struct dig_row *row)
 {
     uint8_t head[28];

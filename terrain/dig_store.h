@@ -16,6 +16,8 @@ int dig_store_exists(struct database *database, struct diag *diag);
 
 /* Makes the tables where there are none, and brings the file to WAL mode; not in a transaction. */
 int dig_store_create(struct database *database, struct diag *diag);
+/* Makes it one file again, where no other program has it open. */
+void dig_store_fold(struct database *database);
 
 /* A row of the journal. `body` lives as long as the call. */
 struct dig_row {

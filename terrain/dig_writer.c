@@ -83,7 +83,9 @@ static int begin(struct dig_writer *writer, struct diag *diag)
     const char *path = database_path(writer->database);
     struct stat status;
     int64_t version = writer->version;
-    int r = database_begin(writer->database, diag);
+    int r = writer->dig->index.stamp_count ? dig_store_create(writer->database, diag) : 0;
+    if (r == 0)
+        r = database_begin(writer->database, diag);
     if (r == 0 && (stat(path, &status) < 0 || status.st_dev != writer->device ||
                    status.st_ino != writer->inode))
         r = diag_set(diag, -ESTALE, "%s: another file has taken its place", path);
@@ -146,6 +148,8 @@ void dig_writer_close(struct dig_writer *writer)
         return;
     dig_close(writer->dig);
     tile_cache_destroy(writer->cache);
+    if (writer->database)
+        dig_store_fold(writer->database);
     database_close(writer->database);
     free(writer->heights_m);
     free(writer);
