@@ -42,7 +42,7 @@ int dig_client_ask(const char *url, struct dig_message *request, struct dig_mess
     do
         if (getrandom(&request->session, sizeof(request->session), 0) < 0)
             r = -errno;
-    while (request->session == 0 && r == 0);
+    while ((request->session &= DIG_SESSION_MAX) == 0 && r == 0);
     size_t size = r == 0 ? dig_message_encode(request, bytes) : 0;
     if (r == 0 && size == 0)
         r = diag_set(diag, -EFBIG, "the raster is too large for a datagram: at most 127 x 127");

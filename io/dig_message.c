@@ -55,8 +55,9 @@ int dig_message_decode(const void *data, size_t size, struct dig_message *ret_me
     if (told != size)
         return diag_set(diag, -EBADMSG, "a request to dig of %u bytes in a datagram of %zu", told,
                         size);
-    if (message.session == 0)
-        return diag_set(diag, -EBADMSG, "a request to dig without a session");
+    if (message.session == 0 || message.session > DIG_SESSION_MAX)
+        return diag_set(diag, -EBADMSG, "a request to dig of session %u: it may be 1 to %d",
+                        message.session, DIG_SESSION_MAX);
     int r = take_rest(&reader, &message, diag);
     if (r == 0)
         *ret_message = message;

@@ -14,6 +14,7 @@
 #define DIG_HEAD          32
 #define DIG_MESSAGE_MAX   65507 /* what a UDP datagram holds */
 #define DIG_TEXT_MAX      256
+#define DIG_SESSION_MAX   INT32_MAX /* from 1 */
 
 enum dig_kind {
     DIG_ADD = 1,
@@ -29,7 +30,7 @@ enum dig_status {
 
 struct dig_message {
     enum dig_kind kind;
-    uint32_t session; /* another number each time that a sender starts, never 0 */
+    uint32_t session; /* another number each time that a sender starts */
     uint32_t request; /* the answer has the same */
     /* Of a request to add. */
     const uint8_t *body; /* in the datagram */

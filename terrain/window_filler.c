@@ -208,18 +208,27 @@ static struct clipmap_rect common_part(struct clipmap_rect rect, struct clipmap_
     return (struct clipmap_rect){south, west, north - south, east - west};
 }
 
+static bool is_late(const struct window_filler *filler, const struct late_part *part)
+{
+    for (size_t i = 0; i < filler->late_count; i++)
+        if (memcmp(&filler->late[i], part, sizeof(*part)) == 0)
+            return true;
+    return false;
+}
+
 /* Cuts a rectangle so that each part can be sampled again when its own tiles are there. With no
  * room left (the windows moved far while nothing came) a part stays coarse until it is left. */
 static void remember_late(struct window_filler *filler, int level, struct clipmap_rect rect)
 {
     for (int r = 0; r < rect.rows; r += LATE_SIDE)
-        for (int c = 0; c < rect.cols; c += LATE_SIDE)
-            if (filler->late_count < filler->late_capacity)
-                filler->late[filler->late_count++] = (struct late_part){
-                    .level = level,
-                    .half_posts = {rect.row0 + r, rect.col0 + c, smaller(LATE_SIDE, rect.rows - r),
-                                   smaller(LATE_SIDE, rect.cols - c)},
-                };
+        for (int c = 0; c < rect.cols; c += LATE_SIDE) {
+            struct late_part part = {.level = level,
+                                     .half_posts = {rect.row0 + r, rect.col0 + c,
+                                                    smaller(LATE_SIDE, rect.rows - r),
+                                                    smaller(LATE_SIDE, rect.cols - c)}};
+            if (filler->late_count < filler->late_capacity && !is_late(filler, &part))
+                filler->late[filler->late_count++] = part;
+        }
 }
 
 /* Drops what has left the windows. */
@@ -269,9 +278,9 @@ static void move_level(struct window_filler *filler, int level, const struct cli
     }
 }
 
-static void ground_below(struct window_filler *filler, double lat_deg, double lon_deg,
-                         struct loader_update *update)
+static void ground_below(struct window_filler *filler, struct loader_update *update)
 {
+    double lat_deg = filler->ground_lat_deg, lon_deg = filler->ground_lon_deg;
     double altitude_m = NAN;
     filler->source->ops->sample_point(filler->source, lat_deg, lon_deg, &altitude_m);
     if (isnan(altitude_m) && filler->fallback)
@@ -318,7 +327,9 @@ void window_filler_move(struct window_filler *filler, const struct clipmap_layou
             filler->stores[level].filled = false;
     }
     forget_late(filler);
-    ground_below(filler, lat_deg, lon_deg, update);
+    filler->ground_lat_deg = lat_deg;
+    filler->ground_lon_deg = lon_deg;
+    ground_below(filler, update);
     close_update(filler, update);
 }
 
@@ -369,9 +380,37 @@ bool window_filler_refresh(struct window_filler *filler, struct loader_update *u
     for (size_t i = 0; i < tried; i++)
         if (!refresh_part(filler, &parts[i], update))
             filler->late[filler->late_count++] = parts[i];
+    ground_below(filler, update);
     close_update(filler, update);
     *ret_tried = tried;
     return update->strip_count > 0 || filler->late_count == 0;
+}
+
+/* Of a level, the half-posts in a part of the Earth, `turns` times round the globe from it. */
+static struct clipmap_rect half_posts_in(const struct level_store *store,
+                                         const struct terrain_rect *rect, int turns)
+{
+    struct terrain_grid grid = level_store_grid(store, (struct clipmap_rect){0, 0, 1, 1});
+    double west_deg = rect->west_deg + 360.0 * turns, east_deg = rect->east_deg + 360.0 * turns;
+    double south = floor(rect->south_deg / grid.lat_step_deg);
+    double north = ceil(rect->north_deg / grid.lat_step_deg);
+    double west = floor(west_deg / grid.lon_step_deg), east = ceil(east_deg / grid.lon_step_deg);
+    return (struct clipmap_rect){(int32_t)south, (int32_t)west, (int32_t)(north - south) + 1,
+                                 (int32_t)(east - west) + 1};
+}
+
+void window_filler_spoil(struct window_filler *filler, const struct terrain_rect *rect)
+{
+    int side = level_half_posts(&filler->shape);
+    for (int level = filler->finest; level < filler->shape.levels && filler->placed; level++) {
+        const struct level_store *store = &filler->stores[level];
+        for (int turns = -1; turns <= 1 && store->filled; turns++) {
+            struct clipmap_rect part =
+                common_part(half_posts_in(store, rect, turns), in_half_posts(store->window), side);
+            if (part.rows > 0 && part.cols > 0)
+                remember_late(filler, level, part);
+        }
+    }
 }
 
 void window_filler_look_ahead(struct window_filler *filler, double lat_deg, double lon_deg)
