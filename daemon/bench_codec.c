@@ -133,10 +133,10 @@ static void on_done(void *user, const struct import_bench_result *result)
         print_table(result, options->params.max_error_m);
         return;
     }
-    json_t *root =
-        json_pack("{s:s,s:s,s:i,s:i,s:f,s:f,s:b}", "raster", result->raster, "type", result->type,
-                  "width", result->width, "height", result->height, "unit_m", result->scale_m,
-                  "max_error_m", options->params.max_error_m, "as_if_at_equator", result->placed);
+    json_t *root = json_pack(
+        "{s:o,s:s,s:i,s:i,s:f,s:f,s:b}", "raster", cli_json_text(result->raster), "type",
+        result->type, "width", result->width, "height", result->height, "unit_m", result->scale_m,
+        "max_error_m", options->params.max_error_m, "as_if_at_equator", result->placed);
     for (int codec = 0; codec < BENCH_CODECS; codec++)
         json_object_set_new(root, keys[codec], json_from_row(result, codec));
     json_array_append_new(options->results, root);

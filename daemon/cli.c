@@ -1,6 +1,7 @@
 #include "daemon/cli.h"
 
 #include <errno.h>
+#include <jansson.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -15,6 +16,7 @@ int cli_exit_status(int error)
     case EINVAL:
     case EEXIST:
     case E2BIG:
+    case ENAMETOOLONG:
         return EX_USAGE;
     case ENOENT:
     case ENOTDIR:
@@ -36,6 +38,8 @@ int cli_exit_status(int error)
     case ENETDOWN:
         return EX_UNAVAILABLE;
     case ECANCELED:
+    case ESTALE: /* what was read has changed */
+    case EBUSY:  /* another writes it, or its import is not finished */
         return EX_TEMPFAIL;
     case ENOMEM:
         return EX_OSERR;
@@ -50,6 +54,37 @@ int cli_fail(int error, const struct diag *diag)
 {
     fprintf(stderr, "otwd: %s\n", diag->text[0] ? diag->text : strerror(-error));
     return cli_exit_status(error);
+}
+
+/* The length of the UTF-8 sequence that begins here; 0 where none does. */
+static size_t sequence_length(const char *text)
+{
+    const unsigned char lead = (unsigned char)text[0];
+    size_t length = lead < 0x80 ? 1 : lead >> 5 == 6 ? 2 : lead >> 4 == 14 ? 3 : 4;
+    for (size_t i = 1; i < length; i++)
+        if (((unsigned char)text[i] & 0xc0) != 0x80)
+            return 0;
+    json_t *probe =
+        json_stringn(text, length); /* it knows what is too long and what is no letter */
+    json_decref(probe);
+    return probe ? length : 0;
+}
+
+json_t *cli_json_text(const char *text)
+{
+    json_t *whole = json_string(text);
+    if (whole)
+        return whole;
+    char *clean = malloc(3 * strlen(text) + 1), *out = clean;
+    while (clean && *text) {
+        size_t length = sequence_length(text);
+        memcpy(out, length ? text : "\xef\xbf\xbd", length ? length : 3);
+        out += length ? length : 3;
+        text += length ? length : 1;
+    }
+    whole = clean ? json_stringn(clean, (size_t)(out - clean)) : NULL;
+    free(clean);
+    return whole;
 }
 
 double cli_number(struct argp_state *state, const char *option, const char *text, double least,

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <argp.h>
+#include <jansson.h>
 #include <stdbool.h>
 
 #include "base/diag.h"
@@ -11,6 +12,9 @@ int cli_exit_status(int error);
 
 /* Prints "otwd: sentence" on stderr and returns the exit status for `error`. */
 int cli_fail(int error, const struct diag *diag);
+
+/* A text of the world (a path) as JSON: bytes that are no UTF-8 become U+FFFD. A new reference. */
+json_t *cli_json_text(const char *text);
 
 /* Numbers of an option within limits; anything else is an argp_error (status 64). */
 double cli_number(struct argp_state *state, const char *option, const char *text, double least,

@@ -7,7 +7,9 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include "base/ring.h"
 #include "daemon/image_file.h"
@@ -15,7 +17,8 @@
 #include "render/geo_pixels.h"
 #include "render/readback.h"
 
-#define JOBS 6
+#define JOBS        6
+#define WRITER_NICE 10 /* pictures wait for the picture that is being drawn */
 
 struct job {
     uint64_t frame;
@@ -79,6 +82,7 @@ static int write_pictures(struct frame_output *output, const struct job *job)
 static void *writer_main(void *data)
 {
     struct frame_output *output = data;
+    setpriority(PRIO_PROCESS, (id_t)gettid(), WRITER_NICE);
     for (;;) {
         struct job *job = NULL;
         while (sem_wait(&output->waits) < 0 && errno == EINTR)

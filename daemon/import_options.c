@@ -25,12 +25,14 @@ static const char usage[] =
     "      --crs CRS          for rasters that have no usable coordinate system of their own:\n"
     "                         EPSG:4326, ...\n"
     "      --nodata VALUE     this value means missing data, whatever the raster says\n"
+    "      --sea M            heights at or below this are sea: lower sources say how deep it is\n"
     "      --priority N       covers sources of lower priority (0); later ones cover equal ones\n"
     "      --sources FILE     a list of sources: PATH [key=value...] a line, keys vertical, "
     "geoid,\n"
-    "                         crs, nodata, priority in place of the options above\n"
+    "                         crs, nodata, sea, priority in place of the options above\n"
     "      --fill POSTS       fill voids that are enclosed and at most so many posts wide (100);\n"
     "                         0: none\n"
+    "      --feather POSTS    sources blend into lower ones over so many posts (0: not at all)\n"
     "      --imagery          the sources are images, not elevation\n"
     "      --water            the sources are masks: what is not 0 is water\n"
     "      --layer NAME       the layer that they go into (imagery, water); --priority is then "
@@ -53,6 +55,8 @@ enum long_option {
     OPTION_PRIORITY,
     OPTION_SOURCES,
     OPTION_FILL,
+    OPTION_FEATHER,
+    OPTION_SEA,
     OPTION_SHARD,
     OPTION_IMAGERY,
     OPTION_WATER,
@@ -74,6 +78,8 @@ static const struct option long_options[] = {
     {"jobs", required_argument, NULL, 'j'},
     {"sources", required_argument, NULL, OPTION_SOURCES},
     {"fill", required_argument, NULL, OPTION_FILL},
+    {"feather", required_argument, NULL, OPTION_FEATHER},
+    {"sea", required_argument, NULL, OPTION_SEA},
     {"verify", required_argument, NULL, OPTION_VERIFY}, /* for otwd verify --against */
     {"shard", required_argument, NULL, OPTION_SHARD},
     {"imagery", no_argument, NULL, OPTION_IMAGERY},
@@ -126,96 +132,6 @@ static bool shard_from_text(const char *text, unsigned *ret_shard, unsigned *ret
     return true;
 }
 
-int import_read_list(const char *path, struct arguments *arguments);
-
-static int take_option(struct arguments *arguments, int option)
-{
-    struct import_params *import = &arguments->import;
-    struct import_options *options = &arguments->options;
-    long whole = 0;
-    switch (option) {
-    case 'o':
-        import->database = optarg;
-        return 0;
-    case OPTION_MAX_ERROR:
-        import->max_error_m = &arguments->max_error_m;
-        if (number_from_text(optarg, 0.0, 1000.0, &arguments->max_error_m))
-            return 0;
-        return bad_value("--max-error", optarg, "metres, 0 to 1000");
-    case OPTION_VERTICAL:
-        if (import_vertical_from_name(optarg, &options->vertical) == 0)
-            return 0;
-        return bad_value("--vertical", optarg, "egm96, egm2008, egm84 or ellipsoid");
-    case OPTION_GEOID:
-        options->geoid_path = optarg;
-        return 0;
-    case OPTION_CRS:
-        options->crs = optarg;
-        return 0;
-    case OPTION_NODATA:
-        options->has_nodata = true;
-        if (number_from_text(optarg, -HUGE_VAL, HUGE_VAL, &options->nodata))
-            return 0;
-        return bad_value("--nodata", optarg, "a number");
-    case OPTION_PRIORITY:
-        if (!whole_from_text(optarg, -1000000, 1000000, &whole))
-            return bad_value("--priority", optarg, "a whole number, -1000000 to 1000000");
-        options->priority = arguments->layer_priority = (int)whole;
-        arguments->imagery.priority = &arguments->layer_priority;
-        return 0;
-    case 'j':
-        if (!whole_from_text(optarg, 1, 64, &whole))
-            return bad_value("--jobs", optarg, "a whole number, 1 to 64");
-        import->jobs = (unsigned)whole;
-        return 0;
-    case OPTION_SOURCES:
-        return import_read_list(optarg, arguments);
-    case OPTION_FILL:
-        if (!whole_from_text(optarg, 0, IMPORT_FILL_MAX, &whole))
-            return bad_value("--fill", optarg, "posts, 0 to 256");
-        import->fill_posts = (int)whole;
-        return 0;
-    case OPTION_VERIFY:
-        arguments->verified = optarg;
-        return 0;
-    case OPTION_SHARD:
-        if (shard_from_text(optarg, &import->shard, &import->shard_count))
-            return 0;
-        return bad_value("--shard", optarg, "I/N, 1/N to N/N");
-    case OPTION_WATER:
-        arguments->imagery.water = true;
-        import->imagery = &arguments->imagery;
-        return 0;
-    case OPTION_IMAGERY:
-        import->imagery = &arguments->imagery;
-        return 0;
-    case OPTION_LAYER:
-        arguments->imagery.layer = optarg;
-        return 0;
-    case OPTION_QUALITY:
-        if (!whole_from_text(optarg, 1, 100, &whole))
-            return bad_value("--quality", optarg, "a whole number, 1 to 100");
-        arguments->imagery.quality = (int)whole;
-        return 0;
-    case OPTION_JSON:
-        arguments->json = true;
-        return 0;
-    case 'q':
-        arguments->quiet = true;
-        return 0;
-    case 'h':
-        fputs(usage, stdout);
-        arguments->done = true;
-        return 0;
-    case OPTION_VERSION:
-        puts("otwd-import " OTWD_VERSION);
-        arguments->done = true;
-        return 0;
-    default: /* getopt has said what is wrong */
-        return EX_USAGE;
-    }
-}
-
 static int add_input(struct arguments *arguments, const char *path,
                      const struct import_options *options)
 {
@@ -262,6 +178,8 @@ static bool take_word(char *word, struct import_options *options)
         options->crs = value;
     else if (strcmp(word, "nodata") == 0)
         return options->has_nodata = number_from_text(value, -HUGE_VAL, HUGE_VAL, &options->nodata);
+    else if (strcmp(word, "sea") == 0)
+        return options->has_sea = number_from_text(value, -12000.0, 9500.0, &options->sea_m);
     else if (strcmp(word, "priority") == 0 && whole_from_text(value, -1000000, 1000000, &whole))
         options->priority = (int)whole;
     else
@@ -276,7 +194,7 @@ static int take_line(const char *list, int number, char *line, struct arguments 
     while (path && (word = next_word(&at)))
         if (!take_word(word, &options)) {
             fprintf(stderr,
-                    "otwd-import: %s:%d: \"%s\" is no vertical=, geoid=, crs=, nodata= or "
+                    "otwd-import: %s:%d: \"%s\" is no vertical=, geoid=, crs=, nodata=, sea= or "
                     "priority= with a value that it can have\n",
                     list, number, word);
             return EX_DATAERR;
@@ -297,7 +215,7 @@ static int keep_line(struct arguments *arguments, char *line)
     return 0;
 }
 
-int import_read_list(const char *path, struct arguments *arguments)
+static int read_list(const char *path, struct arguments *arguments)
 {
     FILE *file = fopen(path, "r");
     if (!file) {
@@ -318,6 +236,143 @@ int import_read_list(const char *path, struct arguments *arguments)
     }
     fclose(file);
     return r;
+}
+
+/* Options that say how sources are read, and which. */
+static int take_source_option(struct arguments *arguments, int option)
+{
+    struct import_options *options = &arguments->options;
+    long whole = 0;
+    switch (option) {
+    case OPTION_VERTICAL:
+        if (import_vertical_from_name(optarg, &options->vertical) == 0)
+            return 0;
+        return bad_value("--vertical", optarg, "egm96, egm2008, egm84 or ellipsoid");
+    case OPTION_GEOID:
+        options->geoid_path = optarg;
+        return 0;
+    case OPTION_CRS:
+        options->crs = optarg;
+        return 0;
+    case OPTION_SEA:
+        options->has_sea = true;
+        if (number_from_text(optarg, -12000.0, 9500.0, &options->sea_m))
+            return 0;
+        return bad_value("--sea", optarg, "metres, -12000 to 9500");
+    case OPTION_NODATA:
+        options->has_nodata = true;
+        if (number_from_text(optarg, -HUGE_VAL, HUGE_VAL, &options->nodata))
+            return 0;
+        return bad_value("--nodata", optarg, "a number");
+    case OPTION_PRIORITY:
+        if (!whole_from_text(optarg, -1000000, 1000000, &whole))
+            return bad_value("--priority", optarg, "a whole number, -1000000 to 1000000");
+        options->priority = arguments->layer_priority = (int)whole;
+        arguments->imagery.priority = &arguments->layer_priority;
+        return 0;
+    default: /* a list */
+        return read_list(optarg, arguments);
+    }
+}
+
+/* Options that say that the sources are imagery, and what becomes of it. */
+static int take_imagery_option(struct arguments *arguments, int option)
+{
+    long whole = 0;
+    switch (option) {
+    case OPTION_LAYER:
+        arguments->imagery.layer = optarg;
+        return 0;
+    case OPTION_QUALITY:
+        if (!whole_from_text(optarg, 1, 100, &whole))
+            return bad_value("--quality", optarg, "a whole number, 1 to 100");
+        arguments->imagery.quality = (int)whole;
+        return 0;
+    default: /* images or masks of water */
+        arguments->imagery.water |= option == OPTION_WATER;
+        arguments->import.imagery = &arguments->imagery;
+        return 0;
+    }
+}
+
+/* Options that say what becomes of the heights, and how the work is done. */
+static int take_work_option(struct arguments *arguments, int option)
+{
+    struct import_params *import = &arguments->import;
+    long whole = 0;
+    switch (option) {
+    case OPTION_MAX_ERROR:
+        import->max_error_m = &arguments->max_error_m;
+        if (number_from_text(optarg, 0.0, 1000.0, &arguments->max_error_m))
+            return 0;
+        return bad_value("--max-error", optarg, "metres, 0 to 1000");
+    case OPTION_FILL:
+        if (!whole_from_text(optarg, 0, IMPORT_FILL_MAX, &whole))
+            return bad_value("--fill", optarg, "posts, 0 to 256");
+        import->fill_posts = (int)whole;
+        return 0;
+    case OPTION_FEATHER:
+        if (!whole_from_text(optarg, 0, IMPORT_FEATHER_MAX, &whole))
+            return bad_value("--feather", optarg, "posts, 0 to 128");
+        import->feather_posts = (int)whole;
+        return 0;
+    case OPTION_SHARD:
+        if (shard_from_text(optarg, &import->shard, &import->shard_count))
+            return 0;
+        return bad_value("--shard", optarg, "I/N, 1/N to N/N");
+    default: /* -j */
+        if (!whole_from_text(optarg, 1, 64, &whole))
+            return bad_value("--jobs", optarg, "a whole number, 1 to 64");
+        import->jobs = (unsigned)whole;
+        return 0;
+    }
+}
+
+static int take_option(struct arguments *arguments, int option)
+{
+    switch (option) {
+    case OPTION_VERTICAL:
+    case OPTION_GEOID:
+    case OPTION_CRS:
+    case OPTION_NODATA:
+    case OPTION_SEA:
+    case OPTION_PRIORITY:
+    case OPTION_SOURCES:
+        return take_source_option(arguments, option);
+    case OPTION_IMAGERY:
+    case OPTION_WATER:
+    case OPTION_LAYER:
+    case OPTION_QUALITY:
+        return take_imagery_option(arguments, option);
+    case OPTION_MAX_ERROR:
+    case OPTION_FILL:
+    case OPTION_FEATHER:
+    case OPTION_SHARD:
+    case 'j':
+        return take_work_option(arguments, option);
+    case 'o':
+        arguments->import.database = optarg;
+        return 0;
+    case OPTION_VERIFY:
+        arguments->verified = optarg;
+        return 0;
+    case OPTION_JSON:
+        arguments->json = true;
+        return 0;
+    case 'q':
+        arguments->quiet = true;
+        return 0;
+    case 'h':
+        fputs(usage, stdout);
+        arguments->done = true;
+        return 0;
+    case OPTION_VERSION:
+        puts("otwd-import " OTWD_VERSION);
+        arguments->done = true;
+        return 0;
+    default: /* getopt has said what is wrong */
+        return EX_USAGE;
+    }
 }
 
 int import_parse_arguments(int argc, char **argv, struct arguments *arguments)

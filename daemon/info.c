@@ -26,17 +26,8 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
     case 'j':
         options->json = true;
         return 0;
-    case ARGP_KEY_ARG:
-        if (options->database)
-            argp_error(state, "one DB at a time");
-        options->database = argument;
-        return 0;
-    case ARGP_KEY_END:
-        if (!options->database)
-            argp_error(state, "DB is missing");
-        return 0;
     default:
-        return ARGP_ERR_UNKNOWN;
+        return cli_argument(key, argument, state, "DB", &options->database);
     }
 }
 
@@ -118,9 +109,10 @@ static json_t *json_images(const struct database_layers *layers, int layer)
     for (size_t i = 0; i < layers->image_count; i++) {
         const struct database_image *image = &layers->images[i];
         if (image->layer == layer)
-            json_array_append_new(list, json_pack("{s:s,s:i,s:i,s:I}", "name", image->name, "width",
-                                                  image->width, "height", image->height, "bytes",
-                                                  (json_int_t)image->bytes));
+            json_array_append_new(list,
+                                  json_pack("{s:o,s:i,s:i,s:I}", "name", cli_json_text(image->name),
+                                            "width", image->width, "height", image->height, "bytes",
+                                            (json_int_t)image->bytes));
     }
     return list;
 }
@@ -139,11 +131,11 @@ static int json_layers(struct database *database, const struct database_info *in
                 json_array_append_new(counts, json_pack("{s:i,s:I,s:I}", "level", layer->level + j,
                                                         "tiles", (json_int_t)levels[j].tiles,
                                                         "bytes", (json_int_t)levels[j].bytes));
-        json_array_append_new(list,
-                              json_pack("{s:s,s:s,s:i,s:f,s:o,s:o}", "name", layer->name, "kind",
-                                        kind_name(layer->kind), "priority", layer->priority,
-                                        "texel_deg", texel_deg(info, layer->level), "levels",
-                                        counts, "images", json_images(layers, layer->id)));
+        json_array_append_new(list, json_pack("{s:o,s:s,s:i,s:f,s:o,s:o}", "name",
+                                              cli_json_text(layer->name), "kind",
+                                              kind_name(layer->kind), "priority", layer->priority,
+                                              "texel_deg", texel_deg(info, layer->level), "levels",
+                                              counts, "images", json_images(layers, layer->id)));
     }
     return r;
 }
@@ -153,10 +145,10 @@ static json_t *json_sources(const struct database_info *info)
     json_t *list = json_array();
     for (size_t i = 0; i < info->source_count; i++) {
         const struct database_source_info *s = &info->sources[i];
-        json_array_append_new(list, json_pack("{s:s,s:s,s:i,s:b,s:i,s:i,s:I}", "name", s->name,
-                                              "vertical", s->vertical, "priority", s->priority,
-                                              "exact", s->exact, "width", s->width, "height",
-                                              s->height, "bytes", (json_int_t)s->bytes));
+        json_array_append_new(
+            list, json_pack("{s:o,s:s,s:i,s:b,s:i,s:i,s:I}", "name", cli_json_text(s->name),
+                            "vertical", s->vertical, "priority", s->priority, "exact", s->exact,
+                            "width", s->width, "height", s->height, "bytes", (json_int_t)s->bytes));
     }
     return list;
 }
@@ -172,9 +164,9 @@ static int print_json(struct database *database, const struct database_info *inf
                                                 (json_int_t)info->level[level].bytes, "error_m",
                                                 info->level[level].error_m));
     json_t *root = json_pack(
-        "{s:s,s:i,s:f,s:{s:f,s:f,s:f,s:f},s:f,s:f,s:f,s:f,s:f,s:I,s:I,s:f,s:o,s:o,s:o,s:{s:I,s:I,s:"
+        "{s:o,s:i,s:f,s:{s:f,s:f,s:f,s:f},s:f,s:f,s:f,s:f,s:f,s:I,s:I,s:f,s:o,s:o,s:o,s:{s:I,s:I,s:"
         "I,s:I}}",
-        "path", info->path, "format", info->version, "posts_per_degree",
+        "path", cli_json_text(info->path), "format", info->version, "posts_per_degree",
         info->grid.posts_per_degree, "extent_deg", "south", info->south_deg, "west", info->west_deg,
         "north", info->north_deg, "east", info->east_deg, "lat_step_deg", info->finest_lat_step_deg,
         "lon_step_deg", info->finest_lon_step_deg, "min_m", info->min_m, "max_m", info->max_m,

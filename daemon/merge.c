@@ -78,6 +78,7 @@ int merge_main(int argc, char **argv)
     cli_parse(&parser, "merge", argc, argv, &options);
     signal(SIGINT, on_signal);
     signal(SIGTERM, on_signal);
+    signal(SIGXFSZ, SIG_IGN); /* a file that may not grow is an error like a full disk */
     int r = merge_shards(options.database, options.shards, options.count, options.jobs, on_progress,
                          NULL, &diag);
     if (r == 0 && !options.quiet)

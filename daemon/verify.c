@@ -53,17 +53,8 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
     case OPT_GEOID:
         options->geoid = argument;
         return 0;
-    case ARGP_KEY_ARG:
-        if (options->database)
-            argp_error(state, "one DB at a time");
-        options->database = argument;
-        return 0;
-    case ARGP_KEY_END:
-        if (!options->database)
-            argp_error(state, "DB is missing");
-        return 0;
     default:
-        return ARGP_ERR_UNKNOWN;
+        return cli_argument(key, argument, state, "DB", &options->database);
     }
 }
 
@@ -81,7 +72,7 @@ static bool tell(void *user, const struct database_fault *fault, uint64_t done, 
 {
     struct verify_options *options = user;
     if (fault && options->json)
-        json_array_append_new(options->faults, json_string(fault->text));
+        json_array_append_new(options->faults, cli_json_text(fault->text));
     else if (fault && !options->quiet)
         printf("%s\n", fault->text);
     else if (!fault && options->progress)

@@ -62,9 +62,8 @@ void geodetic_from_enu(const struct geodetic *origin, const double enu_m[3], str
 struct geoid {
     Geoid grid;
     geoid(const std::string &stem, const std::string &directory)
-        : grid(stem, directory, true, false)
+        : grid(stem, directory, true, true) /* cubic, for several threads */
     {
-        grid.CacheAll();
     }
 };
 

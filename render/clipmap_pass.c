@@ -12,11 +12,13 @@
 #include "render/program.h"
 #include "terrain/level_store.h"
 
-/* A draw that emits more evaluation-shader vertices than its 16-bit indices reach is slow and full
- * of holes in Mesa's software rasterisers (docs/performance.md). */
-#define SOFTWARE_VERTICES 65535
+/* A draw that emits more evaluation-shader vertices than its 16-bit indices reach (65535) is slow
+ * and full of holes in Mesa's software rasterisers (docs/performance.md). Draws of a third of that
+ * are handed over one by one: one is rasterised while the next is tessellated. */
+#define SOFTWARE_VERTICES 24576
 #define BUFFERED_FRAMES   4
-#define UPLOAD_GROUP      64 /* texels of a work group of upload.comp */
+#define UPLOAD_GROUP      64   /* texels of a work group of upload.comp */
+#define UPLOAD_GROUPS_X   1024 /* work groups side by side */
 #define BOUNDS_MARGIN_M   0.5f
 
 struct block_vertex {
@@ -30,15 +32,42 @@ struct draw_range {
     GLsizei count;
 };
 
+/* As upload.comp has it: one rectangle of one texture. */
+struct upload_rect {
+    GLint col0, row0, cols, texels;
+    GLint word;  /* of the arena, where its texels begin */
+    GLint layer; /* 2 * level, + 1 for the surfaces */
+    GLint mask;  /* side of the texture - 1 */
+    GLint first_group;
+};
+
+/* A part of the uniform buffer, one for each arena. */
+struct upload_block {
+    struct upload_rect rects[2 * LOADER_MAX_STRIPS];
+};
+static_assert(sizeof(struct upload_block) == 120 * 32, "as in upload.comp");
+static_assert(sizeof(struct upload_block) % 256 == 0, "parts must be bindable");
+
+/* What the next frame has to copy from an arena. */
+struct upload {
+    int slot;
+    unsigned rects, groups;
+};
+
 struct clipmap_pass {
     struct clipmap_shape shape;
     bool software;
     int instances;
-    GLuint program, upload, vertex_array, vertex_buffer, heights, surfaces, ground;
+    GLuint program, upload_program, vertex_array, vertex_buffer, heights, surfaces, ground;
     struct block_vertex *mapped;   /* BUFFERED_FRAMES parts, persistently mapped */
+    GLint base_block;              /* where the part that was prepared last begins */
     GLuint arenas[LOADER_UPDATES]; /* pixel buffers that the loader writes into */
     void *arena_memory[LOADER_UPDATES];
     unsigned part;
+    GLuint upload_buffer;
+    struct upload_block *upload_blocks; /* [LOADER_UPDATES], persistently mapped */
+    struct upload uploads[LOADER_UPDATES];
+    unsigned upload_count;
 
     bool has_layout;
     struct clipmap_layout layout;
@@ -85,6 +114,15 @@ static int create_arenas(struct clipmap_pass *pass, struct diag *diag)
     return 0;
 }
 
+static void create_upload_buffer(struct clipmap_pass *pass)
+{
+    const GLbitfield flags = GL_MAP_WRITE_BIT | GL_MAP_PERSISTENT_BIT | GL_MAP_COHERENT_BIT;
+    GLsizeiptr size = (GLsizeiptr)sizeof(struct upload_block) * LOADER_UPDATES;
+    glCreateBuffers(1, &pass->upload_buffer);
+    glNamedBufferStorage(pass->upload_buffer, size, NULL, flags);
+    pass->upload_blocks = glMapNamedBufferRange(pass->upload_buffer, 0, size, flags);
+}
+
 static void create_block_buffer(struct clipmap_pass *pass)
 {
     const GLbitfield flags = GL_MAP_WRITE_BIT | GL_MAP_PERSISTENT_BIT | GL_MAP_COHERENT_BIT;
@@ -124,7 +162,7 @@ int clipmap_pass_create(const struct clipmap_shape *shape, const struct gl_facts
         r = program_create(&(struct program_params){.name = "terrain", .defines = defines},
                            &pass->program, diag);
     if (r == 0)
-        r = program_create(&(struct program_params){.name = "upload"}, &pass->upload, diag);
+        r = program_create(&(struct program_params){.name = "upload"}, &pass->upload_program, diag);
     if (r < 0) {
         clipmap_pass_destroy(pass);
         return r;
@@ -138,6 +176,7 @@ int clipmap_pass_create(const struct clipmap_shape *shape, const struct gl_facts
     pass->surfaces = create_array(shape, 2 * clipmap_storage(shape), GL_RGBA8, GL_LINEAR);
     pass->ground = ground_texture_create(facts->software);
     create_block_buffer(pass);
+    create_upload_buffer(pass);
     *ret_pass = pass;
     return 0;
 }
@@ -149,42 +188,50 @@ void clipmap_pass_destroy(struct clipmap_pass *pass)
     const GLuint textures[] = {pass->heights, pass->surfaces, pass->ground};
     glDeleteTextures(3, textures);
     glDeleteBuffers(1, &pass->vertex_buffer);
+    glDeleteBuffers(1, &pass->upload_buffer);
     glDeleteBuffers(LOADER_UPDATES, pass->arenas);
     glDeleteVertexArrays(1, &pass->vertex_array);
     glDeleteProgram(pass->program);
-    glDeleteProgram(pass->upload);
+    glDeleteProgram(pass->upload_program);
     free(pass->bounds);
     free(pass);
 }
 
 enum texture_kind { HEIGHTS, SURFACES };
 
-/* Copies the texels that lie row-major from `word` of the bound arena on. */
-static void upload_rect(struct clipmap_pass *pass, enum texture_kind kind, int level,
-                        struct clipmap_rect rect, size_t word)
+/* Adds the texels that lie row-major from `word` of the arena on to what has to be copied. */
+static void add_rect(const struct clipmap_pass *pass, struct upload *upload, enum texture_kind kind,
+                     int level, struct clipmap_rect rect, size_t word)
 {
     int texels = rect.rows * rect.cols, side = clipmap_storage(&pass->shape) << (kind == SURFACES);
     if (texels == 0)
         return;
-    glUniform4i(0, rect.col0, rect.row0, rect.cols, texels);
-    glUniform4i(1, (GLint)word, level, side - 1, kind);
-    glDispatchCompute((GLuint)(texels + UPLOAD_GROUP - 1) / UPLOAD_GROUP, 1, 1);
+    assert(upload->rects < 2 * LOADER_MAX_STRIPS);
+    pass->upload_blocks[upload->slot].rects[upload->rects++] = (struct upload_rect){
+        .col0 = rect.col0,
+        .row0 = rect.row0,
+        .cols = rect.cols,
+        .texels = texels,
+        .word = (GLint)word,
+        .layer = 2 * level + kind,
+        .mask = side - 1,
+        .first_group = (GLint)upload->groups,
+    };
+    upload->groups += (unsigned)(texels + UPLOAD_GROUP - 1) / UPLOAD_GROUP;
 }
 
 void clipmap_pass_apply(struct clipmap_pass *pass, const struct loader_update *update)
 {
     size_t surfaces = loader_surfaces_offset(&pass->shape) / sizeof(GLuint);
-    glUseProgram(pass->upload);
-    glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 0, pass->arenas[update->slot]);
-    glBindImageTexture(0, pass->heights, 0, GL_TRUE, 0, GL_WRITE_ONLY, GL_RG32F);
-    glBindImageTexture(1, pass->surfaces, 0, GL_TRUE, 0, GL_WRITE_ONLY, GL_RGBA8);
+    assert(pass->upload_count < LOADER_UPDATES);
+    struct upload *upload = &pass->uploads[pass->upload_count++];
+    *upload = (struct upload){.slot = update->slot};
     for (unsigned i = 0; i < update->strip_count; i++) {
         const struct loader_strip *strip = &update->strips[i];
-        upload_rect(pass, HEIGHTS, strip->level, strip->posts, 2 * strip->height_offset);
-        upload_rect(pass, SURFACES, strip->level, strip->half_posts,
-                    surfaces + strip->surface_offset);
+        add_rect(pass, upload, HEIGHTS, strip->level, strip->posts, 2 * strip->height_offset);
+        add_rect(pass, upload, SURFACES, strip->level, strip->half_posts,
+                 surfaces + strip->surface_offset);
     }
-    glMemoryBarrier(GL_TEXTURE_FETCH_BARRIER_BIT);
     pass->uploaded += update->height_count * sizeof(struct loader_height) +
                       update->surface_count * sizeof(struct loader_surface);
     size_t squares = (size_t)level_squares(&pass->shape) * (size_t)level_squares(&pass->shape);
@@ -194,6 +241,30 @@ void clipmap_pass_apply(struct clipmap_pass *pass, const struct loader_update *u
     pass->finest = update->finest;
     pass->has_layout = true;
     pass->blocks_stale = true;
+}
+
+void clipmap_pass_upload(struct clipmap_pass *pass)
+{
+    if (pass->upload_count == 0)
+        return;
+    glUseProgram(pass->upload_program);
+    glBindImageTexture(0, pass->heights, 0, GL_TRUE, 0, GL_WRITE_ONLY, GL_RG32F);
+    glBindImageTexture(1, pass->surfaces, 0, GL_TRUE, 0, GL_WRITE_ONLY, GL_RGBA8);
+    for (unsigned i = 0; i < pass->upload_count; i++) {
+        const struct upload *upload = &pass->uploads[i];
+        GLuint rows = (upload->groups + UPLOAD_GROUPS_X - 1) / UPLOAD_GROUPS_X;
+        glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 0, pass->arenas[upload->slot]);
+        glBindBufferRange(GL_UNIFORM_BUFFER, 2, pass->upload_buffer,
+                          upload->slot * (GLintptr)sizeof(struct upload_block),
+                          sizeof(struct upload_block));
+        glUniform1i(0, (GLint)upload->rects);
+        if (i > 0) /* a later update may write the same texels */
+            glMemoryBarrier(GL_SHADER_IMAGE_ACCESS_BARRIER_BIT);
+        if (rows > 0)
+            glDispatchCompute(rows > 1 ? UPLOAD_GROUPS_X : upload->groups, rows, 1);
+    }
+    glMemoryBarrier(GL_TEXTURE_FETCH_BARRIER_BIT);
+    pass->upload_count = 0;
 }
 
 void *const *clipmap_pass_arenas(const struct clipmap_pass *pass)
@@ -274,26 +345,35 @@ static void list_blocks(struct clipmap_pass *pass, int finest)
     pass->blocks_stale = false;
 }
 
-void clipmap_pass_draw(struct clipmap_pass *pass, int finest, struct clipmap_pass_facts *ret_facts)
+void clipmap_pass_prepare(struct clipmap_pass *pass, int finest,
+                          struct clipmap_pass_facts *ret_facts)
 {
     assert(pass->has_layout && finest >= pass->finest && finest < pass->shape.levels);
     if (pass->blocks_stale || finest != pass->listed_finest)
         list_blocks(pass, finest);
     pass->part = (pass->part + 1) % BUFFERED_FRAMES;
-    GLint base = (GLint)(pass->part * (sizeof(pass->blocks) / sizeof(pass->blocks[0])));
-    memcpy(pass->mapped + base, pass->blocks, pass->block_count * sizeof(pass->blocks[0]));
+    pass->base_block = (GLint)(pass->part * (sizeof(pass->blocks) / sizeof(pass->blocks[0])));
+    memcpy(pass->mapped + pass->base_block, pass->blocks,
+           pass->block_count * sizeof(pass->blocks[0]));
+    *ret_facts = (struct clipmap_pass_facts){.control_points = pass->block_count,
+                                             .draws = pass->range_count,
+                                             .triangles = pass->triangles,
+                                             .upload_bytes = pass->uploaded};
+    pass->uploaded = 0;
+}
+
+void clipmap_pass_draw(const struct clipmap_pass *pass)
+{
     glUseProgram(pass->program);
     glBindVertexArray(pass->vertex_array);
     glBindTextureUnit(0, pass->heights);
     glBindTextureUnit(1, pass->surfaces);
     glBindTextureUnit(2, pass->ground);
     glPatchParameteri(GL_PATCH_VERTICES, 1);
-    for (unsigned i = 0; i < pass->range_count; i++)
-        glDrawArraysInstanced(GL_PATCHES, base + pass->ranges[i].first, pass->ranges[i].count,
-                              pass->instances * pass->instances);
-    *ret_facts = (struct clipmap_pass_facts){.control_points = pass->block_count,
-                                             .draws = pass->range_count,
-                                             .triangles = pass->triangles,
-                                             .upload_bytes = pass->uploaded};
-    pass->uploaded = 0;
+    for (unsigned i = 0; i < pass->range_count; i++) {
+        glDrawArraysInstanced(GL_PATCHES, pass->base_block + pass->ranges[i].first,
+                              pass->ranges[i].count, pass->instances * pass->instances);
+        if (pass->software)
+            glFlush();
+    }
 }

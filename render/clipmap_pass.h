@@ -12,10 +12,10 @@
 struct clipmap_pass;
 
 struct clipmap_pass_facts {
-    unsigned control_points; /* vertices sent by the CPU for the last draw */
+    unsigned control_points; /* vertices that the CPU sends for the draw */
     unsigned draws;
     uint64_t triangles;    /* before culling: what the block list would give */
-    uint64_t upload_bytes; /* heights and surfaces copied since the last draw */
+    uint64_t upload_bytes; /* heights and surfaces that are copied for it */
 };
 
 int clipmap_pass_create(const struct clipmap_shape *shape, const struct gl_facts *facts,
@@ -25,8 +25,11 @@ void clipmap_pass_destroy(struct clipmap_pass *pass);
 /* The memory, LOADER_UPDATES pieces, into which the loader is to write its updates. */
 void *const *clipmap_pass_arenas(const struct clipmap_pass *pass);
 
-/* Uploads an update's strips and moves the windows to its layout. The update may be given back once
- * the frame is finished. */
+/* A frame is these calls in this order. Those that compute come before those that command the GPU:
+ * a driver may hand over the first commands early, and the GPU would wait in the midst of a frame.
+ */
+/* Moves the windows to an update's layout; at most LOADER_UPDATES a frame. The update may be given
+ * back once the frame is finished. */
 void clipmap_pass_apply(struct clipmap_pass *pass, const struct loader_update *update);
 
 /* The layout that is drawn; NULL before the first update. */
@@ -35,5 +38,12 @@ const struct clipmap_layout *clipmap_pass_layout(const struct clipmap_pass *pass
 /* The finest level that can be drawn: that of the last update. */
 int clipmap_pass_finest(const struct clipmap_pass *pass);
 
-/* Draws levels `finest` and coarser. The scene block is bound and holds this layout. */
-void clipmap_pass_draw(struct clipmap_pass *pass, int finest, struct clipmap_pass_facts *ret_facts);
+/* Lists the blocks of levels `finest` and coarser for this frame. There must be a layout. */
+void clipmap_pass_prepare(struct clipmap_pass *pass, int finest,
+                          struct clipmap_pass_facts *ret_facts);
+
+/* Copies the strips of the updates that were applied. */
+void clipmap_pass_upload(struct clipmap_pass *pass);
+
+/* Draws what was prepared. The scene block is bound and holds this layout. */
+void clipmap_pass_draw(const struct clipmap_pass *pass);

@@ -220,9 +220,20 @@ static bool is_complete(const struct renderer *renderer, const struct geodetic *
            memcmp(layout.windows, drawn->windows, sizeof(layout.windows)) == 0;
 }
 
-static void draw_terrain(struct renderer *renderer, const struct view *view,
-                         struct scene_block *scene)
+/* Everything that a frame needs to be computed, before its first command. True where there is
+ * terrain to draw. */
+static bool prepare_frame(struct renderer *renderer, struct view *view)
 {
+    apply_updates(renderer);
+    renderer->frame.complete = is_complete(renderer, &view->eye);
+    renderer->frame.height_above_terrain_m = view->eye.height_m - renderer->ground_m;
+    renderer->frame.undulation_m = view->undulation_m = renderer->undulation_m;
+    renderer->scene = (renderer->scene + 1) % BUFFERED_SCENES;
+    size_t offset = renderer->scene * renderer->scene_stride;
+    struct scene_block *scene = (struct scene_block *)(void *)(renderer->scenes + offset);
+    scene_set_view(view, scene);
+    if (!clipmap_pass_layout(renderer->clipmap))
+        return false;
     float fade;
     int wanted =
         clipmap_finest_level(&renderer->shape, view->eye.height_m - renderer->ground_m, &fade);
@@ -232,9 +243,10 @@ static void draw_terrain(struct renderer *renderer, const struct view *view,
                      finest == wanted ? fade : 0.0f,
                      (view->tan_right - view->tan_left) / renderer->width, scene);
     struct clipmap_pass_facts facts;
-    clipmap_pass_draw(renderer->clipmap, finest, &facts);
+    clipmap_pass_prepare(renderer->clipmap, finest, &facts);
     renderer->frame.control_points = facts.control_points;
     renderer->frame.upload_bytes = facts.upload_bytes;
+    return true;
 }
 
 /* Marks the time; in the debugger's tree ends the pass before and opens the next (NULL = none). The
@@ -270,26 +282,20 @@ static void shade(struct renderer *renderer)
 void renderer_draw(struct renderer *renderer, struct view *view)
 {
     renderer->frame = (struct renderer_frame){0};
+    bool terrain = prepare_frame(renderer, view);
     glBeginQuery(GL_TIME_ELAPSED, renderer->time_query);
     begin_pass(renderer, PASS_UPLOAD, "terrain upload");
-    apply_updates(renderer);
-    renderer->frame.complete = is_complete(renderer, &view->eye);
-    renderer->frame.height_above_terrain_m = view->eye.height_m - renderer->ground_m;
-    renderer->frame.undulation_m = view->undulation_m = renderer->undulation_m;
-
-    renderer->scene = (renderer->scene + 1) % BUFFERED_SCENES;
-    size_t offset = renderer->scene * renderer->scene_stride;
-    struct scene_block *scene = (struct scene_block *)(void *)(renderer->scenes + offset);
-    scene_set_view(view, scene);
-    glBindBufferRange(GL_UNIFORM_BUFFER, 0, renderer->scene_buffer, (GLintptr)offset,
-                      sizeof(*scene));
+    clipmap_pass_upload(renderer->clipmap);
     begin_pass(renderer, PASS_TERRAIN, "terrain");
     glBeginQuery(GL_PRIMITIVES_GENERATED, renderer->triangle_query);
+    glBindBufferRange(GL_UNIFORM_BUFFER, 0, renderer->scene_buffer,
+                      (GLintptr)(renderer->scene * renderer->scene_stride),
+                      sizeof(struct scene_block));
     glBindFramebuffer(GL_FRAMEBUFFER, renderer->geometry_framebuffer);
     glViewport(0, 0, renderer->width, renderer->height);
     glClear(GL_DEPTH_BUFFER_BIT);
-    if (clipmap_pass_layout(renderer->clipmap))
-        draw_terrain(renderer, view, scene);
+    if (terrain)
+        clipmap_pass_draw(renderer->clipmap);
     glEndQuery(GL_PRIMITIVES_GENERATED);
     begin_pass(renderer, PASS_SHADE, "shade");
     shade(renderer);

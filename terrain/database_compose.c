@@ -7,7 +7,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "terrain/database_internal.h"
+#include "terrain/database_cursor.h"
 #include "terrain/database_layers.h"
 #include "terrain/database_writer.h"
 #include "terrain/dig_store.h"
@@ -18,22 +18,6 @@
 #define COMPOSE_PRAGMAS                                                                            \
     "PRAGMA page_size=1024; PRAGMA journal_mode=OFF; PRAGMA synchronous=OFF;"                      \
     "PRAGMA cache_size=-8192"
-
-/* One part's tiles, in order; `key` is where it stands, INT64_MAX at its end. */
-struct cursor {
-    struct database *database;
-    sqlite3_stmt *statement;
-    int64_t key;
-};
-
-static int advance(struct cursor *cursor, struct diag *diag)
-{
-    int r = database_sql_step(cursor->database, cursor->statement, "reading tiles", diag);
-    if (r < 0)
-        return r;
-    cursor->key = r == 1 ? sqlite3_column_int64(cursor->statement, 0) : INT64_MAX;
-    return 0;
-}
 
 /* The pack that is being filled. */
 struct pack {
@@ -58,14 +42,15 @@ static int store_pack(struct pack *pack, struct diag *diag)
     return r;
 }
 
-static int copy_tile(struct pack *pack, struct cursor *from, struct diag *diag)
+static int copy_tile(void *user, struct database *from, sqlite3_stmt *row, struct diag *diag)
 {
+    struct pack *pack = user;
     struct tile_record record = {.payload_size = 0};
-    int r = database_take_record(from->statement, &record, diag);
+    int r = database_take_record(row, &record, diag);
     if (r < 0) {
-        struct tile_id id = tile_id_from_key(from->key);
-        diag_prefix(diag, "%s: tile level %d row %d column %d", from->database->path, id.level,
-                    id.row, id.col);
+        struct tile_id id = tile_id_from_key(sqlite3_column_int64(row, 0));
+        diag_prefix(diag, "%s: tile level %d row %d column %d", from->path, id.level, id.row,
+                    id.col);
         return r;
     }
     if (record.payload_size) {
@@ -80,53 +65,27 @@ static int copy_tile(struct pack *pack, struct cursor *from, struct diag *diag)
     return r;
 }
 
-static int merge_tiles(struct pack *pack, struct cursor *cursors, size_t count, struct diag *diag)
-{
-    int r = 0;
-    while (r == 0) {
-        struct cursor *first = &cursors[0];
-        for (size_t i = 1; i < count; i++)
-            first = cursors[i].key < first->key ? &cursors[i] : first;
-        int64_t key = first->key;
-        if (key == INT64_MAX)
-            break;
-        r = copy_tile(pack, first, diag);
-        for (size_t i = 0; r == 0 && i < count; i++)
-            if (cursors[i].key == key)
-                r = advance(&cursors[i], diag);
-    }
-    return r == 0 ? store_pack(pack, diag) : r;
-}
-
 static int copy_tiles(struct database *output, struct database *const parts[], size_t count,
                       struct diag *diag)
 {
     char text[32] = "";
-    struct cursor *cursors = calloc(count, sizeof(*cursors));
     struct pack *pack = calloc(1, sizeof(*pack));
-    int r = cursors && pack ? 0 : -ENOMEM;
+    int r = pack ? 0 : -ENOMEM;
     if (r == 0) {
         pack->output = output;
         pack->id = 1;
         r = database_sql_prepare(output, "INSERT INTO packs VALUES(?1, ?2)", &pack->insert, diag);
     }
-    for (size_t i = 0; r == 0 && i < count; i++) {
-        cursors[i].database = parts[i];
-        r = database_sql_prepare(parts[i],
-                                 "SELECT " TILE_COLUMNS " FROM " TILE_TABLES " ORDER BY key",
-                                 &cursors[i].statement, diag);
-        if (r == 0)
-            r = advance(&cursors[i], diag);
-    }
     if (r == 0)
-        r = merge_tiles(pack, cursors, count, diag);
-    for (size_t i = 0; cursors && i < count; i++)
-        sqlite3_finalize(cursors[i].statement);
+        r = database_merge_rows(parts, count,
+                                "SELECT " TILE_COLUMNS " FROM " TILE_TABLES " ORDER BY key",
+                                copy_tile, pack, diag);
+    if (r == 0)
+        r = store_pack(pack, diag);
     if (pack) {
         snprintf(text, sizeof(text), "%llu", (unsigned long long)pack->tiles);
         sqlite3_finalize(pack->insert);
     }
-    free(cursors);
     free(pack);
     return r == 0 ? database_set_meta(output, "tiles", text, diag) : r;
 }
@@ -165,15 +124,13 @@ static int put_in_place(const char *from, const char *to, struct diag *diag)
 int database_compose(const char *path, struct database *const parts[], size_t count,
                      struct diag *diag)
 {
-    struct database *output = calloc(1, sizeof(*output)), *held = NULL;
+    struct database *output = calloc(1, sizeof(*output));
     struct database_params params;
     if (!output)
         return -ENOMEM;
     snprintf(output->path, sizeof(output->path), "%.*s.new", DATABASE_NAME_MAX - 8, path);
     unlink(output->path);
-    int r = database_hold(path, &held, diag);
-    if (r == 0)
-        r = database_get_params(parts[0], &params, diag);
+    int r = database_get_params(parts[0], &params, diag);
     params.shard[0] = '\0';
     if (r == 0)
         r = database_make(output, COMPOSE_PRAGMAS, DATABASE_APPLICATION_ID, &params, diag);
@@ -196,6 +153,5 @@ int database_compose(const char *path, struct database *const parts[], size_t co
         r = put_in_place(name, path, diag);
     if (r < 0)
         unlink(name);
-    database_close(held);
     return r;
 }

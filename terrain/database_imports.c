@@ -46,19 +46,13 @@ int database_set_imports(struct database *database, const struct database_import
     return r;
 }
 
-static void copy_text(char *ret_text, size_t size, sqlite3_stmt *row, int column)
-{
-    const unsigned char *text = sqlite3_column_text(row, column);
-    snprintf(ret_text, size, "%s", text ? (const char *)text : "");
-}
-
 static void import_from_row(sqlite3_stmt *row, struct database_import *import)
 {
     struct database_source_info *info = &import->info;
     *import = (struct database_import){.id = sqlite3_column_int(row, 0)};
-    copy_text(import->key, sizeof(import->key), row, 1);
-    copy_text(info->name, sizeof(info->name), row, 2);
-    copy_text(info->vertical, sizeof(info->vertical), row, 3);
+    database_column_text(row, 1, import->key, sizeof(import->key));
+    database_column_text(row, 2, info->name, sizeof(info->name));
+    database_column_text(row, 3, info->vertical, sizeof(info->vertical));
     info->priority = sqlite3_column_int(row, 4);
     info->exact = sqlite3_column_int(row, 5) != 0;
     info->unit_m = sqlite3_column_double(row, 6);

@@ -37,6 +37,9 @@ int database_sql_prepare(const struct database *database, const char *sql,
 int database_sql_step(const struct database *database, sqlite3_stmt *statement, const char *doing,
                       struct diag *diag);
 
+/* A row's text, cut to fit; empty where there is none. */
+void database_column_text(sqlite3_stmt *row, int column, char *ret_text, size_t size);
+
 /* Metadata, one text per key. `set` replaces. */
 int database_set_meta(struct database *database, const char *key, const char *value,
                       struct diag *diag);

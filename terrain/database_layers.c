@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "terrain/database_internal.h"
+#include "terrain/database_cursor.h"
 
 static const char *const kind_names[] = {[IMAGE_COLOUR] = "colour", [IMAGE_WATER] = "water"};
 
@@ -26,12 +26,6 @@ void database_layers_finish(struct database_layers *layers)
     *layers = (struct database_layers){.count = 0};
 }
 
-static void copy_text(char *ret_text, size_t size, sqlite3_stmt *row, int column)
-{
-    const unsigned char *text = sqlite3_column_text(row, column);
-    snprintf(ret_text, size, "%s", text ? (const char *)text : "");
-}
-
 static int list_layers(struct database *database, struct database_layers *layers, struct diag *diag)
 {
     sqlite3_stmt *row = NULL;
@@ -42,8 +36,8 @@ static int list_layers(struct database *database, struct database_layers *layers
         struct database_layer layer = {.id = sqlite3_column_int(row, 0),
                                        .priority = sqlite3_column_int(row, 3),
                                        .level = sqlite3_column_int(row, 4)};
-        copy_text(layer.name, sizeof(layer.name), row, 1);
-        copy_text(kind, sizeof(kind), row, 2);
+        database_column_text(row, 1, layer.name, sizeof(layer.name));
+        database_column_text(row, 2, kind, sizeof(kind));
         layer.kind = strcmp(kind, kind_names[IMAGE_WATER]) == 0 ? IMAGE_WATER : IMAGE_COLOUR;
         if (layers->count == IMAGE_LAYERS_MAX || layer.id < 1 || layer.id > IMAGE_LAYERS_MAX ||
             layer.level < IMAGE_LEVEL_LOWEST || layer.level > database->grid.top_level) {
@@ -69,8 +63,8 @@ static void image_from_row(sqlite3_stmt *row, struct database_image *image)
                                      .west_deg = sqlite3_column_double(row, 9),
                                      .north_deg = sqlite3_column_double(row, 10),
                                      .east_deg = sqlite3_column_double(row, 11)};
-    copy_text(image->key, sizeof(image->key), row, 3);
-    copy_text(image->name, sizeof(image->name), row, 4);
+    database_column_text(row, 3, image->key, sizeof(image->key));
+    database_column_text(row, 4, image->name, sizeof(image->name));
 }
 
 static int list_images(struct database *database, struct database_layers *layers, struct diag *diag)
@@ -163,7 +157,9 @@ int database_set_layers(struct database *database, const struct database_layers 
     return r == 0 ? database_seal_meta(database, diag) : r;
 }
 
-/* A row of key, children, checksum, payload. */
+#define IMAGE_ROWS "SELECT key, children, checksum, payload FROM image_tiles"
+
+/* A row of IMAGE_ROWS. */
 static int take_image(sqlite3_stmt *row, struct image_record *ret_record, struct diag *diag)
 {
     int64_t key = sqlite3_column_int64(row, 0);
@@ -194,9 +190,8 @@ int database_read_image(struct database *database, int layer, struct tile_id id,
         return DATABASE_ABSENT;
     int r = 0;
     if (!database->read_image)
-        r = database_sql_prepare(
-            database, "SELECT key, children, checksum, payload FROM image_tiles WHERE key = ?1",
-            &database->read_image, diag);
+        r = database_sql_prepare(database, IMAGE_ROWS " WHERE key = ?1", &database->read_image,
+                                 diag);
     if (r < 0)
         return r;
     sqlite3_bind_int64(database->read_image, 1, image_key(layer, id));
@@ -230,99 +225,55 @@ int database_write_image(struct database *database, const struct image_record *r
     return r;
 }
 
-/* One part's images, in order; `key` is where it stands, INT64_MAX at its end. */
-struct cursor {
-    struct database *database;
-    sqlite3_stmt *statement;
-    int64_t key;
+/* Where the images of a merge go. */
+struct copy {
+    struct database *output;
+    uint64_t tiles;
 };
 
-static int advance(struct cursor *cursor, struct diag *diag)
+static int copy_image(void *user, struct database *from, sqlite3_stmt *row, struct diag *diag)
 {
-    int r = database_sql_step(cursor->database, cursor->statement, "reading images", diag);
-    if (r < 0)
-        return r;
-    cursor->key = r == 1 ? sqlite3_column_int64(cursor->statement, 0) : INT64_MAX;
-    return 0;
-}
-
-static int copy_image(struct database *output, struct cursor *from, uint64_t *tiles,
-                      struct diag *diag)
-{
+    struct copy *copy = user;
     struct image_record record = {.size = 0};
-    int r = take_image(from->statement, &record, diag);
+    int r = take_image(row, &record, diag);
     if (r < 0)
-        diag_prefix(diag, "%s: an image", from->database->path);
+        diag_prefix(diag, "%s: an image", from->path);
     else if (record.size) {
-        r = database_write_image(output, &record, diag);
-        ++*tiles;
+        r = database_write_image(copy->output, &record, diag);
+        copy->tiles++;
     }
     image_record_finish(&record);
     return r;
 }
 
-static int merge_images(struct database *output, struct cursor *cursors, size_t count,
-                        uint64_t *tiles, struct diag *diag)
+static int copy_layers(struct database *output, struct database *from, struct diag *diag)
 {
-    int r = 0;
-    while (r == 0) {
-        struct cursor *first = &cursors[0];
-        for (size_t i = 1; i < count; i++)
-            first = cursors[i].key < first->key ? &cursors[i] : first;
-        int64_t key = first->key;
-        if (key == INT64_MAX)
-            break;
-        r = copy_image(output, first, tiles, diag);
-        for (size_t i = 0; r == 0 && i < count; i++)
-            if (cursors[i].key == key)
-                r = advance(&cursors[i], diag);
-    }
-    return r;
-}
-
-static int open_cursors(struct cursor *cursors, struct database *const parts[], size_t count,
-                        struct diag *diag)
-{
-    int r = 0;
-    for (size_t i = 0; r == 0 && i < count; i++) {
-        cursors[i] = (struct cursor){.database = parts[i], .key = INT64_MAX};
-        if (!parts[i]->has_images)
-            continue;
-        r = database_sql_prepare(
-            parts[i], "SELECT key, children, checksum, payload FROM image_tiles ORDER BY key",
-            &cursors[i].statement, diag);
-        if (r == 0)
-            r = advance(&cursors[i], diag);
-    }
+    struct database_layers layers;
+    int r = database_list_layers(from, &layers, diag);
+    if (r < 0)
+        return r;
+    r = database_set_layers(output, &layers, diag);
+    database_layers_finish(&layers);
     return r;
 }
 
 int database_copy_images(struct database *output, struct database *const parts[], size_t count,
                          struct diag *diag)
 {
-    struct database_layers layers;
+    struct copy copy = {.output = output};
     char text[32];
-    uint64_t tiles = 0;
-    size_t first = 0;
-    while (first < count && !parts[first]->has_images)
-        first++;
-    if (first == count)
-        return 0;
-    int r = database_list_layers(parts[first], &layers, diag);
-    if (r == 0) {
-        r = database_set_layers(output, &layers, diag);
-        database_layers_finish(&layers);
-    }
-    struct cursor *cursors = calloc(count, sizeof(*cursors));
-    if (!cursors)
+    struct database **with = calloc(count + 1, sizeof(*with)); /* images */
+    size_t with_count = 0;
+    if (!with)
         return -ENOMEM;
-    if (r == 0)
-        r = open_cursors(cursors, parts, count, diag);
-    if (r == 0)
-        r = merge_images(output, cursors, count, &tiles, diag);
     for (size_t i = 0; i < count; i++)
-        sqlite3_finalize(cursors[i].statement);
-    free(cursors);
-    snprintf(text, sizeof(text), "%llu", (unsigned long long)tiles);
-    return r == 0 ? database_set_meta(output, "image_tiles", text, diag) : r;
+        if (parts[i]->has_images)
+            with[with_count++] = parts[i];
+    int r = with_count ? copy_layers(output, with[0], diag) : 0;
+    if (r == 0 && with_count)
+        r = database_merge_rows(with, with_count, IMAGE_ROWS " ORDER BY key", copy_image, &copy,
+                                diag);
+    free(with);
+    snprintf(text, sizeof(text), "%llu", (unsigned long long)copy.tiles);
+    return r == 0 && with_count ? database_set_meta(output, "image_tiles", text, diag) : r;
 }

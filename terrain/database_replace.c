@@ -1,9 +1,8 @@
-/* Keeping a database from being dug while another file is made to take its place. */
+/* A database that was dug in, made one file before another takes its place. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "terrain/database_internal.h"
 #include "terrain/database_writer.h"
@@ -78,27 +77,6 @@ int database_open_old(const char *path, struct database **ret_database, struct d
     }
     if (r == 0)
         *ret_database = database;
-    else
-        database_close(database);
-    return r;
-}
-
-int database_hold(const char *path, struct database **ret_held, struct diag *diag)
-{
-    struct database *database = NULL;
-    bool wal = false;
-    *ret_held = NULL;
-    if (access(path, W_OK) < 0) /* it is not there, or nobody can dig in it */
-        return 0;
-    int r = open_writable(path, &database, diag);
-    if (r == 0)
-        r = database_begin(database, diag);
-    if (r == 0)
-        r = journal_is_wal(database, "PRAGMA journal_mode", &wal, diag);
-    if (r == -EBUSY || (r == 0 && wal))
-        r = in_use(path, diag);
-    if (r == 0)
-        *ret_held = database;
     else
         database_close(database);
     return r;

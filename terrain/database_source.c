@@ -10,17 +10,18 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "terrain/database_extent.h"
 #include "terrain/database_internal.h"
 #include "terrain/dig.h"
+#include "terrain/parallel.h"
 #include "terrain/surface.h"
 #include "terrain/tile_cache.h"
 
 #define SNAP_CELLS SURFACE_SNAP_CELLS
 
-#define ROWS_MAX (1 << 20)
+#define ROWS_MAX    (1 << 20)
+#define COLUMNS_MAX 1024 /* sampled side by side */
 
 #define RANK_PER_LEVEL 64.0
 #define RANK_AHEAD     1e4f /* what is only going to be needed comes after all else */
@@ -31,11 +32,15 @@ struct database_source {
     struct tile_cache *cache;
     struct dig *dig, *own_dig; /* the latter where it is not shared */
     struct terrain_facts facts;
-    float *rows; /* two rows of posts, owned; row_capacity each */
-    int row_capacity;
     bool streams; /* tiles are pinned, not waited for */
-    bool late;    /* of what the present call gives */
     double focus_lat_deg, focus_lon_deg;
+};
+
+/* One call's work. */
+struct sampling {
+    struct database_source *source;
+    int level;
+    bool late; /* something is coarser than the source has it */
 };
 
 /* Places along a row: longitude lon0 + c * step. */
@@ -129,14 +134,14 @@ static float rank_of(const struct database_source *source, struct tile_id id)
     return (float)(-RANK_PER_LEVEL * id.level + fmin(fmax(east, north), RANK_PER_LEVEL));
 }
 
-static const float *take_tile(struct database_source *source, struct tile_id id,
-                              struct tile_pin *pin)
+static const float *take_tile(struct sampling *sampling, struct tile_id id, struct tile_pin *pin)
 {
+    struct database_source *source = sampling->source;
     int status;
     if (!source->streams)
         return tile_cache_look(source->cache, id, &status);
     tile_cache_pin(source->cache, id, rank_of(source, id), pin);
-    source->late |= pin->late;
+    sampling->late |= pin->late;
     return pin->heights_m;
 }
 
@@ -147,10 +152,11 @@ static void leave_tile(struct database_source *source, const struct tile_pin *pi
 }
 
 /* Heights along one row of posts. */
-static void fill_post_row(struct database_source *source, int level, int64_t row, int32_t tile_row,
+static void fill_post_row(struct sampling *sampling, int64_t row, int32_t tile_row,
                           const struct columns *columns, float *ret_heights_m)
 {
-    const struct grid *grid = &source->database->grid;
+    const struct grid *grid = &sampling->source->database->grid;
+    int level = sampling->level;
     unsigned shift = grid_lon_shift(grid, level, tile_row);
     double width = grid_width_cells(grid, level, shift);
     int64_t around = grid_cells_around(grid, level, shift);
@@ -176,14 +182,14 @@ static void fill_post_row(struct database_source *source, int level, int64_t row
             steps < columns->count - span.begin - 1 ? span.begin + (int)steps + 1 : columns->count;
         struct tile_id id = {level, tile_row, tile_col};
         struct tile_pin pin;
-        const float *tile = take_tile(source, id, &pin);
+        const float *tile = take_tile(sampling, id, &pin);
         if (tile) {
             span.posts = tile + (row - (int64_t)tile_row * TILE_CELLS) * TILE_POSTS;
             fill_span(&span, ret_heights_m);
         } else {
             fill_nan(ret_heights_m, span.begin, span.end);
         }
-        leave_tile(source, &pin);
+        leave_tile(sampling->source, &pin);
         span.begin = span.end;
     }
 }
@@ -199,18 +205,6 @@ static int level_for(const struct database_source *source, const struct terrain_
     return level;
 }
 
-static int reserve_rows(struct database_source *source, int cols)
-{
-    if (cols <= source->row_capacity)
-        return 0;
-    float *rows = realloc(source->rows, 2 * (size_t)cols * sizeof(*rows));
-    if (!rows)
-        return -ENOMEM;
-    source->rows = rows;
-    source->row_capacity = cols;
-    return 0;
-}
-
 /* The two rows of posts around the current place; `held` says which rows the buffers hold. */
 struct row_pair {
     int64_t held[2];
@@ -218,7 +212,7 @@ struct row_pair {
     float *heights_m[2];
 };
 
-static void blend_rows(struct database_source *source, int level, const struct row_place *place,
+static void blend_rows(struct sampling *sampling, const struct row_place *place,
                        const struct columns *columns, struct row_pair *pair, float *ret_heights_m)
 {
     if (pair->held[1] == place->row && pair->tile_row == place->tile_row) {
@@ -232,8 +226,9 @@ static void blend_rows(struct database_source *source, int level, const struct r
         int64_t row = place->row + side;
         if (pair->held[side] == row && pair->tile_row == place->tile_row)
             continue;
-        int32_t owner = grid_row_owner(&source->database->grid, level, row, place->tile_row);
-        fill_post_row(source, level, row, owner, columns, pair->heights_m[side]);
+        int32_t owner = grid_row_owner(&sampling->source->database->grid, sampling->level, row,
+                                       place->tile_row);
+        fill_post_row(sampling, row, owner, columns, pair->heights_m[side]);
         pair->held[side] = row;
     }
     pair->tile_row = place->tile_row;
@@ -241,31 +236,27 @@ static void blend_rows(struct database_source *source, int level, const struct r
         ret_heights_m[c] = blend(pair->heights_m[0][c], pair->heights_m[1][c], place->fraction);
 }
 
-static void fill_row(struct database_source *source, int level, double lat_deg,
-                     const struct columns *columns, struct row_pair *pair, float *ret_heights_m)
+static void fill_row(struct sampling *sampling, double lat_deg, const struct columns *columns,
+                     struct row_pair *pair, float *ret_heights_m)
 {
-    const struct grid *grid = &source->database->grid;
-    struct row_place place = place_row(grid, level, lat_deg);
+    const struct grid *grid = &sampling->source->database->grid;
+    struct row_place place = place_row(grid, sampling->level, lat_deg);
+    int32_t owner = grid_row_owner(grid, sampling->level, place.row, place.tile_row);
     if (place.fraction == 0.0f)
-        fill_post_row(source, level, place.row,
-                      grid_row_owner(grid, level, place.row, place.tile_row), columns,
-                      ret_heights_m);
+        fill_post_row(sampling, place.row, owner, columns, ret_heights_m);
     else
-        blend_rows(source, level, &place, columns, pair, ret_heights_m);
+        blend_rows(sampling, &place, columns, pair, ret_heights_m);
 }
 
-static void count_tiles(struct database_source *source)
+/* At most COLUMNS_MAX columns. */
+static void fill_columns(struct sampling *sampling, const struct terrain_grid *grid,
+                         const struct columns *columns, float *ret_height_m)
 {
-    struct tile_cache_counts counts;
-    tile_cache_counts(source->cache, &counts);
-    source->source.tiles_loaded = counts.loaded;
-    source->source.read_errors = counts.errors + dig_errors(source->dig);
-    source->source.tile_hits = counts.hits;
-    source->source.tile_misses = counts.late;
-    source->source.prefetched = counts.prefetched;
-    source->source.longest_late_ms = counts.longest_late_ms;
-    source->source.tiles_resident = counts.resident;
-    source->source.tiles_pending = counts.pending;
+    float lines[2][COLUMNS_MAX];
+    struct row_pair pair = {.held = {INT64_MIN, INT64_MIN}, .heights_m = {lines[0], lines[1]}};
+    for (int row = 0; row < grid->rows; row++)
+        fill_row(sampling, (double)(grid->row0 + row) * grid->lat_step_deg, columns, &pair,
+                 ret_height_m + (size_t)row * (size_t)grid->cols);
 }
 
 /* Dug tiles come before what only lies ahead, and after what is under the eye. */
@@ -281,32 +272,18 @@ static int source_sample_grid(struct terrain_source *terrain_source,
     struct database_source *source = of(terrain_source);
     if (grid->rows < 0 || grid->cols < 0 || grid->rows > ROWS_MAX || grid->cols > ROWS_MAX)
         return -EINVAL;
-    int level = level_for(source, grid), r = reserve_rows(source, grid->cols);
-    if (r < 0)
-        return r;
-    struct columns columns = {(double)grid->col0 * grid->lon_step_deg, grid->lon_step_deg,
-                              grid->cols};
-    struct row_pair pair = {.held = {INT64_MIN, INT64_MIN},
-                            .heights_m = {source->rows, source->rows + source->row_capacity}};
-    source->late = false;
-    for (int row = 0; row < grid->rows; row++)
-        fill_row(source, level, (double)(grid->row0 + row) * grid->lat_step_deg, &columns, &pair,
-                 ret_height_m + (size_t)row * (size_t)grid->cols);
+    struct sampling sampling = {.source = source, .level = level_for(source, grid)};
+    for (int col = 0; col < grid->cols; col += COLUMNS_MAX) {
+        struct columns columns = {(double)(grid->col0 + col) * grid->lon_step_deg,
+                                  grid->lon_step_deg,
+                                  grid->cols - col < COLUMNS_MAX ? grid->cols - col : COLUMNS_MAX};
+        fill_columns(&sampling, grid, &columns, ret_height_m + col);
+    }
     if (dig_any(source->dig)) {
         struct dig_ground ground = ground_of(source);
-        source->late |= dig_sample_grid(source->dig, &ground, grid, ret_height_m);
+        sampling.late |= dig_sample_grid(source->dig, &ground, grid, ret_height_m);
     }
-    count_tiles(source);
-    return source->late ? TERRAIN_LATE : 0;
-}
-
-static float height_at(struct database_source *source, double lat_deg, double lon_deg)
-{
-    float height_m, lines[2];
-    struct columns columns = {lon_deg, 0.0, 1};
-    struct row_pair pair = {.held = {INT64_MIN, INT64_MIN}, .heights_m = {&lines[0], &lines[1]}};
-    fill_row(source, 0, lat_deg, &columns, &pair, &height_m);
-    return height_m;
+    return sampling.late ? TERRAIN_LATE : 0;
 }
 
 static int source_sample_point(struct terrain_source *terrain_source, double lat_deg,
@@ -314,23 +291,44 @@ static int source_sample_point(struct terrain_source *terrain_source, double lat
 {
     if (!isfinite(lat_deg) || !isfinite(lon_deg) || fabs(lat_deg) > 90.0 || fabs(lon_deg) > 1e6)
         return -EINVAL;
-    struct database_source *source = of(terrain_source);
-    struct dig_ground ground = ground_of(source);
+    struct dig_ground ground = ground_of(of(terrain_source));
+    struct dig *dig = of(terrain_source)->dig;
     struct dig_cell cell;
-    if (dig_any(source->dig) && dig_cell_at(source->dig, &ground, lat_deg, lon_deg, &cell))
+    if (dig_any(dig) && dig_cell_at(dig, &ground, lat_deg, lon_deg, &cell)) {
         *ret_height_m = (double)surface_height_m(&cell.place, cell.south_m, cell.north_m);
-    else
-        *ret_height_m = (double)height_at(source, lat_deg, lon_deg);
-    count_tiles(of(terrain_source));
+        return 0;
+    }
+    struct sampling sampling = {.source = of(terrain_source), .level = 0};
+    float height_m, lines[2];
+    struct columns columns = {lon_deg, 0.0, 1};
+    struct row_pair pair = {.held = {INT64_MIN, INT64_MIN}, .heights_m = {&lines[0], &lines[1]}};
+    fill_row(&sampling, lat_deg, &columns, &pair, &height_m);
+    *ret_height_m = (double)height_m;
     return 0;
+}
+
+static void source_counts(struct terrain_source *terrain_source, struct terrain_counts *ret_counts)
+{
+    struct tile_cache_counts counts;
+    tile_cache_counts(of(terrain_source)->cache, &counts);
+    *ret_counts = (struct terrain_counts){
+        .tiles_loaded = counts.loaded,
+        .read_errors = counts.errors + dig_errors(of(terrain_source)->dig),
+        .tile_hits = counts.hits,
+        .tile_misses = counts.late,
+        .prefetched = counts.prefetched,
+        .tiles_resident = counts.resident,
+        .tiles_pending = counts.pending,
+        .longest_late_ms = counts.longest_late_ms,
+    };
 }
 
 static int source_stream(struct terrain_source *terrain_source, void (*arrived)(void *user),
                          void *user, struct diag *diag)
 {
     struct database_source *source = of(terrain_source);
-    long processors = sysconf(_SC_NPROCESSORS_ONLN);
-    unsigned workers = processors < 4 ? 1 : processors < 16 ? (unsigned)processors / 4 : 4;
+    unsigned processors = parallel_processors();
+    unsigned workers = processors < 4 ? 1 : processors < 16 ? processors / 4 : 4;
     int r = tile_cache_start(source->cache, workers, arrived, user, diag);
     source->streams = r == 0;
     if (r == 0)
@@ -402,7 +400,6 @@ static void source_destroy(struct terrain_source *terrain_source)
     dig_close(source->own_dig);
     tile_cache_destroy(source->cache);
     database_close(source->database);
-    free(source->rows);
     free(source);
 }
 
@@ -416,6 +413,7 @@ static const struct terrain_source_ops database_source_ops = {
     .prefetch = source_prefetch,
     .focus = source_focus,
     .changed = source_changed,
+    .counts = source_counts,
 };
 
 struct database *database_of_source(struct terrain_source *source)

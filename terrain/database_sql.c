@@ -4,11 +4,37 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
+#include <sys/statvfs.h>
 #include <zlib.h>
+
+static long long size_of(const char *path, const char *suffix)
+{
+    char name[DATABASE_NAME_MAX + 8];
+    struct stat status;
+    snprintf(name, sizeof(name), "%s%s", path, suffix);
+    return stat(name, &status) == 0 ? (long long)status.st_size : 0;
+}
+
+/* A write that found no room, or was not allowed any. */
+static int no_room(const struct database *database, int error, const char *doing, struct diag *diag)
+{
+    struct statvfs room = {.f_bavail = 0};
+    (void)statvfs(database->path, &room);
+    return diag_set(diag, -ENOSPC, "%s: %s after %lld bytes, with %llu bytes free beside it (%s)",
+                    database->path, strerror(error),
+                    size_of(database->path, "") + size_of(database->path, "-wal"),
+                    (unsigned long long)room.f_bavail * room.f_frsize, doing);
+}
 
 int database_sql_error(const struct database *database, const char *doing, struct diag *diag)
 {
-    int code = sqlite3_errcode(database->sql);
+    /* As the failed call left it: sqlite3_system_errno knows nothing of failed commits. */
+    int error = errno, code = sqlite3_errcode(database->sql);
+    if ((code & 0xff) == SQLITE_FULL)
+        return no_room(database, ENOSPC, doing, diag);
+    if ((code & 0xff) == SQLITE_IOERR && (error == ENOSPC || error == EDQUOT || error == EFBIG))
+        return no_room(database, error, doing, diag);
     switch (code & 0xff) {
     case SQLITE_NOTADB:
         return diag_set(diag, -EBADMSG, "%s is not a terrain database", database->path);
@@ -22,9 +48,6 @@ int database_sql_error(const struct database *database, const char *doing, struc
     case SQLITE_LOCKED:
         return diag_set(diag, -EBUSY, "%s is in use by another program that writes it",
                         database->path);
-    case SQLITE_FULL:
-        return diag_set(diag, -ENOSPC, "%s: no space left on the device (%s)", database->path,
-                        doing);
     case SQLITE_NOMEM:
         return diag_set(diag, -ENOMEM, "%s: out of memory (%s)", database->path, doing);
     case SQLITE_READONLY:
@@ -62,6 +85,12 @@ int database_sql_step(const struct database *database, sqlite3_stmt *statement, 
     default:
         return database_sql_error(database, doing, diag);
     }
+}
+
+void database_column_text(sqlite3_stmt *row, int column, char *ret_text, size_t size)
+{
+    const unsigned char *text = sqlite3_column_text(row, column);
+    snprintf(ret_text, size, "%s", text ? (const char *)text : "");
 }
 
 int database_set_meta(struct database *database, const char *key, const char *value,
@@ -138,8 +167,10 @@ int database_get_meta(const struct database *database, const char *key, char *re
     if (r == 0) {
         sqlite3_bind_text(statement, 1, key, -1, SQLITE_STATIC);
         r = database_sql_step(database, statement, "reading metadata", diag);
-        const unsigned char *text = r == 1 ? sqlite3_column_text(statement, 0) : NULL;
-        snprintf(ret_value, size, "%s", text ? (const char *)text : "");
+        if (r == 1)
+            database_column_text(statement, 0, ret_value, size);
+        else
+            ret_value[0] = '\0';
     }
     sqlite3_finalize(statement);
     return r < 0 ? r : 0;

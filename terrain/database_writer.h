@@ -76,10 +76,6 @@ int database_fold_journal(struct database *database, struct diag *diag);
  * another program has such a one open. Failures as database_open. */
 int database_open_old(const char *path, struct database **ret_database, struct diag *diag);
 
-/* Keeps a database from being dug until `ret_held` is closed; NULL where there is none, or none
- * that could be. -EBUSY where somebody digs in it. */
-int database_hold(const char *path, struct database **ret_held, struct diag *diag);
-
 /* Makes the database at `path` (or puts a new one in its place) from files of one import:
  * parts[0] gives metadata and sources; of tiles that several have the first one's counts. What was
  * dug in one of them comes along, without the tiles that were made of it: they are made anew.

@@ -6,6 +6,7 @@
 #include <sys/stat.h>
 
 #include "terrain/database_internal.h"
+#include "terrain/database_lock.h"
 #include "terrain/database_writer.h"
 #include "terrain/dig_internal.h"
 
@@ -17,22 +18,10 @@ struct dig_writer {
     struct tile_cache *cache; /* of the database's own tiles, for settling */
     dev_t device;
     ino_t inode;
-    int64_t version;  /* SQLite's data_version at the last look */
+    struct database_lock *lock;
     uint32_t next;    /* tile that settling looks at next */
     float *heights_m; /* a tile; owned */
 };
-
-static int data_version(struct dig_writer *writer, int64_t *ret_version, struct diag *diag)
-{
-    sqlite3_stmt *statement = NULL;
-    int r = database_sql_prepare(writer->database, "PRAGMA data_version", &statement, diag);
-    if (r == 0)
-        r = database_sql_step(writer->database, statement, "looking for other programs", diag);
-    if (r == 1)
-        *ret_version = sqlite3_column_int64(statement, 0);
-    sqlite3_finalize(statement);
-    return r < 0 ? r : 0;
-}
 
 static void push_change(struct dig *dig, const struct stamp_extent *extent)
 {
@@ -77,29 +66,17 @@ static int reload(struct dig_writer *writer, struct diag *diag)
     return 0;
 }
 
-/* Begins a transaction on the file that still has its name, with what others have dug known. */
+/* Begins a transaction on the file that still has its name. */
 static int begin(struct dig_writer *writer, struct diag *diag)
 {
     const char *path = database_path(writer->database);
     struct stat status;
-    int64_t version = writer->version;
     int r = writer->dig->index.stamp_count ? dig_store_create(writer->database, diag) : 0;
     if (r == 0)
         r = database_begin(writer->database, diag);
     if (r == 0 && (stat(path, &status) < 0 || status.st_dev != writer->device ||
                    status.st_ino != writer->inode))
         r = diag_set(diag, -ESTALE, "%s: another file has taken its place", path);
-    if (r == 0)
-        r = data_version(writer, &version, diag);
-    if (r == 0 && version != writer->version) {
-        const struct stamp_extent everywhere = {-90.0, -180.0, 90.0, 180.0};
-        r = reload(writer, diag);
-        writer->version = r == 0 ? version : writer->version;
-        pthread_mutex_lock(&writer->dig->lock);
-        push_change(writer->dig, &everywhere);
-        pthread_mutex_unlock(&writer->dig->lock);
-        tell(writer->dig);
-    }
     if (r < 0)
         database_rollback(writer->database);
     return r;
@@ -127,7 +104,7 @@ int dig_writer_open(const char *path, struct dig_writer **ret_writer, struct dia
     if (r == 0)
         r = tile_cache_create(writer->database, CACHE_TILES, &writer->cache);
     if (r == 0)
-        r = data_version(writer, &writer->version, diag);
+        r = database_lock_take(path, &writer->lock, diag);
     if (r == 0)
         r = dig_open(path, &writer->dig, diag);
     if (r == 0 && dig_errors(writer->dig) > 0)
@@ -151,6 +128,7 @@ void dig_writer_close(struct dig_writer *writer)
     if (writer->database)
         dig_store_fold(writer->database);
     database_close(writer->database);
+    database_lock_release(writer->lock);
     free(writer->heights_m);
     free(writer);
 }
@@ -298,12 +276,7 @@ static int store(struct dig_writer *writer, struct behind *behind, uint32_t coun
                  struct diag *diag)
 {
     struct dig *dig = writer->dig;
-    int64_t version = writer->version;
     int r = begin(writer, diag);
-    if (r == 0 && version != writer->version) {
-        database_rollback(writer->database); /* what was made is of an older journal */
-        return 0;
-    }
     for (uint32_t i = 0; r == 0 && i < count; i++)
         r = dig_store_write_tile(writer->database, &dig->index.grid, &behind[i].record, diag);
     r = end(writer, r, diag);

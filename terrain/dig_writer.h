@@ -4,8 +4,8 @@
  * whatever happens next, and it is seen. Settling makes and stores the tiles that stamps changed,
  * a few dozen in a transaction; a crash leaves some unsettled, and nothing else.
  *
- * Any number of programs may open a database for digging: each change looks first whether another
- * one was quicker, and reads the journal anew. One thread at a time. */
+ * One program at a time digs in a database, or imports into it (terrain/database_lock.h); others
+ * read. One thread at a time. */
 #pragma once
 
 #include "terrain/dig.h"
@@ -13,7 +13,7 @@
 struct dig_writer;
 
 /* -ENOENT, -EACCES (it cannot be written), -EBADMSG (also where a stamp of the journal is damaged),
- * -EBUSY, -EIO, -ENOMEM. Nothing is changed before the first stamp. */
+ * -EBUSY (another program writes it), -EIO, -ENOMEM. Nothing is changed before the first stamp. */
 int dig_writer_open(const char *path, struct dig_writer **ret_writer, struct diag *diag);
 /* Legal on NULL. Nobody may use its ground any more. */
 void dig_writer_close(struct dig_writer *writer);

@@ -12,7 +12,7 @@
 
 #include "terrain/symbol_codec.h" /* SYMBOL_NONE */
 
-/* Heights beyond this are refused: no place on Earth has them. */
+/* No place on Earth has heights beyond this: in a source they are voids. */
 #define HEIGHT_MIN_M (-12000.0)
 #define HEIGHT_MAX_M 9500.0
 

@@ -7,7 +7,9 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "terrain/database_lock.h"
 #include "terrain/import_imagery.h"
+#include "terrain/import_part.h"
 
 /* What all threads and GDAL's cache may take together; the rest is the process itself. A large
  * cache spares rasters in strips from being unpacked again for every block. */
@@ -66,14 +68,6 @@ static int open_old(struct import_job *job, struct diag *diag)
     return r == 0 ? compare_with_database(job, diag) : r;
 }
 
-/* A source that is named twice is one. */
-void import_drop_twins(struct import_job *job)
-{
-    for (size_t i = 0; i < job->source_count; i++)
-        for (size_t j = 0; j < i && !job->sources[i].done; j++)
-            job->sources[i].done = strcmp(job->sources[i].key, job->sources[j].key) == 0;
-}
-
 bool import_on_scan(void *user, uint64_t done, uint64_t total)
 {
     struct import_scan *scan = user;
@@ -86,18 +80,18 @@ static int scan_sources(struct import_job *job, bool read, struct diag *diag)
 {
     for (size_t i = 0; i < job->source_count; i++) {
         struct import_source *source = &job->sources[i];
-        const struct import_options *options = source->options;
-        struct raster_options raster_options = {options->crs,
-                                                options->has_nodata ? &options->nodata : NULL};
+        struct raster_options options = import_raster_options(job, source);
         struct raster *raster = NULL;
         struct import_scan scan = {job->params, source->path};
         if (source->done)
             continue;
-        int r = raster_open(source->path, &raster_options, &raster, diag);
+        int r = raster_open(source->path, &options, &raster, diag);
         if (r == 0 && read)
             r = raster_scan(raster, import_on_scan, &scan, diag);
         if (r == 0)
             raster_get_facts(raster, &source->facts);
+        if (r == 0 && source->facts.beyond.count && job->params->beyond)
+            job->params->beyond(job->params->user, source->path, &source->facts.beyond);
         raster_close(raster);
         if (r < 0)
             return r;
@@ -119,15 +113,6 @@ static int check_geoids(const struct import_job *job, struct diag *diag)
     return 0;
 }
 
-/* FNV-1a, 64 bits (Fowler, Noll, Vo). */
-uint64_t import_add_to_hash(uint64_t hash, const void *data, size_t size)
-{
-    const uint8_t *bytes = data;
-    for (size_t i = 0; i < size; i++)
-        hash = (hash ^ bytes[i]) * UINT64_C(0x100000001b3);
-    return hash;
-}
-
 /* What tells this import from others: its sources in their order, what becomes of them, and the
  * database that it adds to. */
 static void name_import(struct import_job *job)
@@ -143,13 +128,11 @@ static void name_import(struct import_job *job)
     hash = import_add_to_hash(hash, &database->step_m, sizeof(database->step_m));
     hash = import_add_to_hash(hash, database->import, strlen(database->import));
     hash = import_add_to_hash(hash, &job->params->fill_posts, sizeof(job->params->fill_posts));
+    if (job->params->feather_posts)
+        hash = import_add_to_hash(hash, &job->params->feather_posts,
+                                  sizeof(job->params->feather_posts));
     snprintf(job->database.import, sizeof(job->database.import), "%016llx",
              (unsigned long long)hash);
-}
-
-void import_part_path(const char *database, char *ret_path, size_t size)
-{
-    snprintf(ret_path, size, "%s" DATABASE_PART_SUFFIX, database);
 }
 
 static void describe_source(const struct import_source *source, struct database_import *import)
@@ -188,10 +171,8 @@ static int number_sources(struct import_job *job, struct diag *diag)
     return 0;
 }
 
-/* With the table of sources as it will be. */
 static int make_part(struct import_job *job, struct diag *diag)
 {
-    char path[DATABASE_NAME_MAX + 16];
     struct database_import *imports =
         malloc((job->import_count + job->source_count) * sizeof(*imports));
     size_t count = 0;
@@ -203,68 +184,8 @@ static int make_part(struct import_job *job, struct diag *diag)
     for (size_t i = 0; i < job->source_count; i++)
         if (!job->sources[i].done)
             describe_source(&job->sources[i], &imports[count++]);
-    import_part_path(job->params->database, path, sizeof(path));
-    int r = database_create_part(path, &job->database, imports, count, &job->part, diag);
+    int r = import_make_part(job, imports, count, diag);
     free(imports);
-    return r == -ENOENT || r == -EACCES ? -EIO : r; /* not a source that is missing */
-}
-
-bool import_has_part(const struct import_job *job)
-{
-    char path[DATABASE_NAME_MAX + 16];
-    import_part_path(job->params->database, path, sizeof(path));
-    return access(path, F_OK) == 0;
-}
-
-void import_remove_part(struct import_job *job)
-{
-    char path[DATABASE_NAME_MAX + 32];
-    import_part_path(job->params->database, path, sizeof(path));
-    database_close(job->part);
-    job->part = NULL;
-    unlink(path);
-    snprintf(path, sizeof(path), "%s" DATABASE_PART_SUFFIX "-wal", job->params->database);
-    unlink(path);
-}
-
-/* An earlier try may have come to its end but for the removal of its part. */
-int import_drop_finished_part(struct import_job *job, struct diag *diag)
-{
-    char path[DATABASE_NAME_MAX + 16];
-    struct database_params found, made;
-    struct database *part = NULL;
-    import_part_path(job->params->database, path, sizeof(path));
-    if (!job->old || access(path, F_OK) < 0)
-        return 0;
-    int r = database_open_part(path, &part, diag);
-    if (r == 0)
-        r = database_get_params(part, &found, diag);
-    if (r == 0)
-        r = database_get_params(job->old, &made, diag);
-    job->part = part;
-    if (r == 0 && strcmp(found.import, made.import) == 0)
-        import_remove_part(job);
-    database_close(job->part);
-    job->part = NULL;
-    return r;
-}
-
-/* The part that an earlier try left, if it is one of this import. */
-int import_open_part(struct import_job *job, struct diag *diag)
-{
-    char path[DATABASE_NAME_MAX + 16];
-    struct database_params found;
-    import_part_path(job->params->database, path, sizeof(path));
-    int r = database_open_part(path, &job->part, diag);
-    if (r == 0)
-        r = database_get_params(job->part, &found, diag);
-    if (r == 0 && (strcmp(found.import, job->database.import) != 0 ||
-                   strcmp(found.shard, job->database.shard) != 0))
-        r = diag_set(diag, -EINVAL,
-                     "%s holds an unfinished import of other sources or with other options: run "
-                     "that one again first, or remove the file",
-                     path);
-    job->result.resumed = r == 0;
     return r;
 }
 
@@ -331,6 +252,8 @@ static int sample(struct import_job *job, struct pyramid_params *pyramid, struct
     pyramid->progress = on_sampled;
     if (r == 0)
         r = pyramid_sample(pyramid, diag);
+    if (r == 0)
+        r = import_check_sources(job, diag);
     import_sampler_destroy(sampler);
     return r;
 }
@@ -346,19 +269,6 @@ static int finish(struct import_job *job, struct pyramid_params *pyramid, struct
     r = database_compose(job->params->database, files, job->old ? 2 : 1, diag);
     if (r == 0)
         import_remove_part(job);
-    return r;
-}
-
-/* A shard is the part itself, at the place that was asked for. */
-static int finish_shard(struct import_job *job, struct diag *diag)
-{
-    char path[DATABASE_NAME_MAX + 16];
-    import_part_path(job->params->database, path, sizeof(path));
-    int r = database_fold_journal(job->part, diag);
-    database_close(job->part);
-    job->part = NULL;
-    if (r == 0 && rename(path, job->params->database) < 0)
-        r = diag_set(diag, -errno, "%s: %s", job->params->database, strerror(errno));
     return r;
 }
 
@@ -383,7 +293,8 @@ static int store(struct import_job *job, struct diag *diag)
     if (r == 0)
         r = sample(job, &pyramid, diag);
     if (r == 0)
-        r = job->params->shard_count ? finish_shard(job, diag) : finish(job, &pyramid, diag);
+        r = job->params->shard_count ? import_part_becomes_shard(job, diag)
+                                     : finish(job, &pyramid, diag);
     free((void *)pyramid.areas);
     return r;
 }
@@ -439,11 +350,17 @@ int import_run(const struct import_params *params, struct import_result *ret_res
     if (job->jobs > PYRAMID_JOBS_MAX)
         job->jobs = PYRAMID_JOBS_MAX;
     raster_start_up(MEMORY_MIB - (int)job->jobs * WORKER_MIB);
-    int r = run(job, diag);
+    struct database_lock *lock = NULL;
+    int r = database_lock_take(params->database, &lock, diag);
+    if (r == 0)
+        r = run(job, diag);
     if (r == 0)
         *ret_result = job->result;
+    if (r == -ESTALE && job->part) /* what is stored is of a file that is no more */
+        import_remove_part(job);
     database_close(job->part);
     database_close(job->old);
+    database_lock_release(lock);
     free(job->imports);
     free(job->replaced);
     free(job->sources);

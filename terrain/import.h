@@ -35,6 +35,13 @@ enum import_phase {
 typedef bool (*import_progress_function)(void *user, enum import_phase phase, const char *name,
                                          uint64_t done, uint64_t total);
 
+struct raster_beyond;
+
+/* Called once for every source that has heights which no place on Earth has: they are voids. From
+ * the thread that called import_run. */
+typedef void (*import_beyond_function)(void *user, const char *source,
+                                       const struct raster_beyond *beyond);
+
 /* How a source is read. */
 struct import_options {
     enum import_vertical vertical;
@@ -42,6 +49,8 @@ struct import_options {
     const char *crs;        /* for rasters without a usable one; NULL */
     bool has_nodata;
     double nodata;
+    bool has_sea;
+    double sea_m; /* heights at or below this are sea: lower sources say how deep it is */
     int priority; /* higher ones cover lower ones, later equal ones; of imagery: in the layer */
 };
 
@@ -52,6 +61,7 @@ struct import_input {
 
 #define IMPORT_FILL_DEFAULT 100
 #define IMPORT_FILL_MAX     256
+#define IMPORT_FEATHER_MAX  128
 
 /* For imports of imagery: all sources are images, or masks of water, of one layer. */
 struct import_imagery_params {
@@ -65,12 +75,15 @@ struct import_params {
     const struct import_imagery_params *imagery; /* NULL: the sources are elevation */
     const struct import_input *inputs;
     size_t input_count;
-    const char *database;        /* made where it is missing, added to where it exists */
-    const double *max_error_m;   /* NULL: 0.5, or the database's own */
-    int fill_posts;              /* voids up to so many posts wide are filled; 0: none */
-    unsigned jobs;               /* threads; 0: one for each processor */
+    const char *database;      /* made where it is missing, added to where it exists */
+    const double *max_error_m; /* NULL: 0.5, or the database's own */
+    int fill_posts;            /* voids up to so many posts wide are filled; 0: none */
+    int feather_posts; /* sources blend into lower ones over so many posts or pixels of the upper
+                        * one, whichever are wider apart, from its edge inwards; 0: not at all */
+    unsigned jobs;     /* threads; 0: one for each processor */
     unsigned shard, shard_count; /* shard 0 .. shard_count - 1; shard_count 0: all of it */
     import_progress_function progress;
+    import_beyond_function beyond; /* NULL */
     void *user;
 };
 
@@ -81,8 +94,10 @@ struct import_result {
 };
 
 /* Returns 0; -ENOENT, -EACCES (a source); -EBADMSG (a source is no elevation raster); -EINVAL (the
- * options contradict each other or the database); -EPROTONOSUPPORT, -EBUSY (the database);
- * -ENOSPC, -EIO; -ECANCELED; -ENOMEM. Imagery wants a database that is there: -ENOENT, and the
+ * options contradict each other or the database); -EPROTONOSUPPORT, -EBUSY (the database; another
+ * import writes it);
+ * -ESTALE (a source has changed meanwhile; nothing is left of the import); -ENOSPC, -EIO;
+ * -ECANCELED; -ENOMEM. Imagery wants a database that is there: -ENOENT, and the
  * sentence says so. The sentence names the file. A database that is there is as it was after any
  * failure. */
 int import_run(const struct import_params *params, struct import_result *ret_result,
@@ -96,6 +111,7 @@ int import_vertical_from_name(const char *name, enum import_vertical *ret_vertic
 struct import_comparison {
     uint64_t posts;     /* that came from the source */
     uint64_t elsewhere; /* that it has, but where another covers it */
+    uint64_t feathered; /* that are blends of it and others, and not compared */
     uint64_t beyond;    /* further from the source than the bound, or missing */
     double worst_m;     /* largest difference */
     double max_error_m; /* the bound */

@@ -24,6 +24,10 @@ static inline bool bench_is_void(const struct bench_samples *samples, double val
  * what `work` returns when it fails. */
 int bench_repeat(int (*work)(void *user), void *user, double *ret_s);
 
+/* Seconds and bytes of a database's tiles. 0, or what reading it returns. */
+int bench_tiles(const char *database, struct import_bench_row *file,
+                struct import_bench_row *payloads, struct diag *diag);
+
 /* The rows of the other codecs. 0, -ENOMEM, -EIO, -ECANCELED. */
 int bench_peers(const struct bench_samples *samples, const struct import_bench_params *params,
                 struct import_bench_row *rows);

@@ -63,6 +63,10 @@ static void compare_posts(struct comparer *comparer, const struct tile_record *r
                 note_beyond(comparer, id, tile_row, col, NAN, source_m);
                 continue;
             }
+            if (origins[at] == (comparer->id | TILE_ORIGIN_MADE)) {
+                comparer->result.feathered++;
+                continue;
+            }
             if (origins[at] != comparer->id) {
                 comparer->result.elsewhere++;
                 continue;

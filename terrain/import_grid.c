@@ -88,7 +88,12 @@ static double choose_step(const struct import_job *job)
         one_unit &= own > 0.0 && (unit_m < 0.0 || own == unit_m);
         unit_m = own;
     }
-    return height_step_for(error_m, one_unit ? unit_m : 0.0);
+    double step_m = height_step_for(error_m, one_unit ? unit_m : 0.0);
+    /* What sources blend into is no whole number of units. */
+    if (job->params->feather_posts &&
+        height_step_error_m(step_m, 0.0) > job->database.max_error_m * (1.0 + 1e-12))
+        step_m = height_step_for(error_m, 0.0);
+    return step_m;
 }
 
 static int check_step(const struct import_job *job, struct diag *diag)
@@ -96,7 +101,8 @@ static int check_step(const struct import_job *job, struct diag *diag)
     const struct database_params *database = &job->database;
     for (size_t i = 0; i < job->source_count; i++) {
         const struct import_source *source = &job->sources[i];
-        double error_m = height_step_error_m(database->step_m, stored_unit_m(source));
+        double unit_m = job->params->feather_posts ? 0.0 : stored_unit_m(source);
+        double error_m = height_step_error_m(database->step_m, unit_m);
         if (!source->done && error_m > database->max_error_m * (1.0 + 1e-12))
             return diag_set(diag, -EINVAL,
                             "%s: the steps of %s are %g m, for whole heights; this source would be "

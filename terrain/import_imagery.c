@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "terrain/import_image.h"
+#include "terrain/import_part.h"
 
 /* A level may be this much coarser than the image. */
 #define COARSER 1.1
@@ -22,12 +23,6 @@ struct imagery_job {
     size_t *order;
     size_t count;
 };
-
-struct raster_options import_image_options(const struct import_options *options)
-{
-    return (struct raster_options){options->crs, options->has_nodata ? &options->nodata : NULL,
-                                   true};
-}
 
 static int open_old(struct imagery_job *imagery, struct diag *diag)
 {
@@ -114,7 +109,7 @@ static int scan(struct imagery_job *imagery, bool read, struct diag *diag)
     struct import_job *job = imagery->job;
     for (size_t i = 0; i < job->source_count; i++) {
         struct import_source *source = &job->sources[i];
-        struct raster_options options = import_image_options(source->options);
+        struct raster_options options = import_raster_options(job, source);
         struct import_scan progress = {job->params, source->path};
         struct raster *raster = NULL;
         if (source->done)
@@ -183,27 +178,6 @@ static int add_images(struct imagery_job *imagery)
     return 0;
 }
 
-static int by_rank(const void *a, const void *b, void *user)
-{
-    const struct import_job *job = user;
-    size_t x = *(const size_t *)a, y = *(const size_t *)b;
-    int p = job->sources[x].options->priority, q = job->sources[y].options->priority;
-    return p != q ? (p < q) - (p > q) : (x < y) - (x > y);
-}
-
-static int order_sources(struct imagery_job *imagery)
-{
-    struct import_job *job = imagery->job;
-    imagery->order = malloc((job->source_count + 1) * sizeof(*imagery->order));
-    if (!imagery->order)
-        return -ENOMEM;
-    for (size_t i = 0; i < job->source_count; i++)
-        if (!job->sources[i].done)
-            imagery->order[imagery->count++] = i;
-    qsort_r(imagery->order, imagery->count, sizeof(*imagery->order), by_rank, job);
-    return 0;
-}
-
 /* What tells this import from others. */
 static void name_import(struct imagery_job *imagery)
 {
@@ -226,13 +200,10 @@ static void name_import(struct imagery_job *imagery)
 static int open_part(struct imagery_job *imagery, bool resumes, struct diag *diag)
 {
     struct import_job *job = imagery->job;
-    char path[DATABASE_NAME_MAX + 16];
-    import_part_path(job->params->database, path, sizeof(path));
     int r = resumes ? import_open_part(job, diag)
-                    : database_create_part(path, &job->database, job->imports, job->import_count,
-                                           &job->part, diag);
+                    : import_make_part(job, job->imports, job->import_count, diag);
     if (r < 0)
-        return r == -ENOENT || r == -EACCES ? -EIO : r; /* not a source that is missing */
+        return r;
     r = database_begin(job->part, diag);
     if (r == 0)
         r = database_set_layers(job->part, &imagery->layers, diag);
@@ -253,6 +224,8 @@ static int store(struct imagery_job *imagery, struct diag *diag)
                                   .count = imagery->count};
     struct database *const files[] = {job->part, job->old};
     int r = imagery->count ? imagery_build(&build, diag) : 0;
+    if (r == 0)
+        r = import_check_sources(job, diag);
     if (r == 0)
         r = database_compose(job->params->database, files, 2, diag);
     if (r == 0)
@@ -276,7 +249,7 @@ static int run(struct imagery_job *imagery, struct diag *diag)
     if (r == 0)
         r = add_images(imagery);
     if (r == 0)
-        r = order_sources(imagery);
+        r = import_order_sources(job, &imagery->order, &imagery->count);
     if (r < 0 || (!resumes && imagery->count == 0 && !imagery->changed))
         return r;
     name_import(imagery);

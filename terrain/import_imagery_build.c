@@ -16,26 +16,19 @@
 #include "terrain/imagery.h"
 #include "terrain/import_image.h"
 #include "terrain/import_imagery.h"
+#include "terrain/import_rasters.h"
 #include "terrain/parallel.h"
 
 #define JOBS_MAX     16 /* about 14 MiB each: the memory of an import has a bound */
-#define RASTERS_OPEN 6  /* a worker */
 #define ITEMS_ENOUGH 512
 #define DEPTH_MAX    48
 #define OLD_TILES    8
 
-struct open_raster {
-    size_t source;
-    struct raster *raster;
-    uint64_t used;
-};
-
 struct worker {
-    struct open_raster rasters[RASTERS_OPEN];
+    struct import_rasters rasters;
     struct imagery *old;
     struct image_sum *sums;
     uint8_t *children[DEPTH_MAX]; /* a child's texels, by the depth of its parent */
-    uint64_t clock;
     unsigned index;
 };
 
@@ -92,28 +85,6 @@ static bool reaches(const struct run *run, struct tile_id id, const size_t *sour
     return false;
 }
 
-static int open_raster(struct run *run, struct worker *worker, size_t index,
-                       struct raster **ret_raster, struct diag *diag)
-{
-    const struct import_source *source = source_of(run, index);
-    struct open_raster *oldest = &worker->rasters[0];
-    for (int i = 0; i < RASTERS_OPEN; i++) {
-        struct open_raster *open = &worker->rasters[i];
-        if (open->raster && open->source == index) {
-            open->used = ++worker->clock;
-            *ret_raster = open->raster;
-            return 0;
-        }
-        oldest = open->used < oldest->used ? open : oldest;
-    }
-    raster_close(oldest->raster);
-    *oldest = (struct open_raster){.source = index, .used = ++worker->clock};
-    struct raster_options options = import_image_options(source->options);
-    int r = raster_open(source->path, &options, &oldest->raster, diag);
-    *ret_raster = oldest->raster;
-    return r;
-}
-
 /* What lies beyond a pole or the last column repeats the last true texels. */
 static void repeat_edges(const struct image_grid *grid, struct tile_id id, uint8_t *rgba)
 {
@@ -143,7 +114,7 @@ static int sample(struct run *run, struct worker *worker, const struct task *tas
         worker->sums[i] = (struct image_sum){.open = 1.0f};
     for (size_t i = 0; r == 0 && i < task->count; i++) {
         struct raster *raster = NULL;
-        r = open_raster(run, worker, task->sources[i], &raster, diag);
+        r = import_rasters_get(&worker->rasters, build->job, task->sources[i], &raster, diag);
         if (r == 0)
             r = image_raster_add(raster, kind, &lattice, worker->sums, diag);
     }
@@ -396,8 +367,7 @@ static void finish(struct run *run)
 {
     for (int i = 0; i < JOBS_MAX; i++) {
         struct worker *worker = &run->workers[i];
-        for (int j = 0; j < RASTERS_OPEN; j++)
-            raster_close(worker->rasters[j].raster);
+        import_rasters_finish(&worker->rasters);
         for (int j = 0; j < DEPTH_MAX; j++)
             free(worker->children[j]);
         imagery_close(worker->old);

@@ -15,7 +15,8 @@ struct import_source {
     const struct import_options *options;
     struct raster_facts facts;
     uint64_t bytes;
-    bool done; /* in the database already */
+    int64_t time_s; /* of its last change */
+    bool done;      /* in the database already */
     int level, id;
     bool exact;
 };
@@ -37,6 +38,32 @@ struct import_job {
 
 /* Fills job->sources from the inputs. */
 int import_list_sources(struct import_job *job, struct diag *diag);
+
+/* Whether a source is still the file that it was when the import began: 0, -ESTALE, -ENOENT. */
+int import_check_source(const struct import_source *source, struct diag *diag);
+/* The same of all new ones: what is stored must be of the files that are named. */
+int import_check_sources(const struct import_job *job, struct diag *diag);
+
+/* A source that is named twice is one. */
+void import_drop_twins(struct import_job *job);
+
+/* How a source is opened. */
+struct raster_options import_raster_options(const struct import_job *job,
+                                            const struct import_source *source);
+
+/* The new sources, those that cover first; the caller frees. 0 or -ENOMEM. */
+int import_order_sources(const struct import_job *job, size_t **ret_order, size_t *ret_count);
+
+#define IMPORT_HASH_BEGIN UINT64_C(0xcbf29ce484222325)
+uint64_t import_add_to_hash(uint64_t hash, const void *data, size_t size);
+
+/* Progress of the check before; `user` is a struct import_scan. */
+struct import_scan {
+    const struct import_params *params;
+    const char *name;
+};
+
+bool import_on_scan(void *user, uint64_t done, uint64_t total);
 
 /* Chooses grid and step of a new database, or checks that the old one can take the sources. */
 int import_choose_grid(struct import_job *job, struct diag *diag);

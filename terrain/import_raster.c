@@ -9,6 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "terrain/height_step.h"
 #include "terrain/import_raster_internal.h"
 
 void raster_start_up(int cache_mib)
@@ -87,6 +88,10 @@ static void read_value_meaning(struct raster *raster, const struct raster_option
     double offset = GDALGetRasterOffset(raster->band, &has_offset);
     raster->scale = (has_scale && scale != 0.0 ? scale : 1.0) * metres;
     raster->offset = (has_offset ? offset : 0.0) * metres;
+    double low = (HEIGHT_MIN_M - raster->offset) / raster->scale;
+    double high = (HEIGHT_MAX_M - raster->offset) / raster->scale;
+    raster->lowest = (float)fmin(low, high);
+    raster->highest = (float)fmax(low, high);
     double units = raster->offset / raster->scale;
     if (GDALDataTypeIsInteger(GDALGetRasterDataType(raster->band)) &&
         fabs(units - nearbyint(units)) < 1e-9)
@@ -99,7 +104,12 @@ static int read_placement(struct raster *raster, struct diag *diag)
 {
     double gt[6];
     if (GDALGetGeoTransform(raster->dataset, gt) != CE_None)
-        return diag_set(diag, -EBADMSG, "%s has no georeference: nothing says where it lies",
+        return diag_set(diag, -EBADMSG,
+                        GDALGetGCPCount(raster->dataset) > 0
+                            ? "%s has ground control points, not a georeference: bring it into "
+                              "place with gdalwarp"
+                            : "%s has no georeference: nothing says where it lies (gdal_translate "
+                              "-a_ullr gives it one)",
                         raster->path);
     if (fabs(gt[2]) > 1e-9 * fabs(gt[1]) || fabs(gt[4]) > 1e-9 * fabs(gt[5]))
         return diag_set(diag, -EBADMSG,
@@ -324,17 +334,42 @@ static bool ends_with(const char *text, const char *end)
     return length >= tail && strcasecmp(text + length - tail, end) == 0;
 }
 
+/* The file of a path such as /vsizip/a.zip or /vsizip/{a.zip}. */
+static void archive_file(const char *path, char *ret_file, size_t size)
+{
+    const char *file = strncmp(path, "/vsizip/", 8) == 0 ? path + 8 : path;
+    size_t length = strlen(file);
+    bool braces = file[0] == '{' && length > 1 && file[length - 1] == '}';
+    snprintf(ret_file, size, "%.*s", (int)(braces ? length - 2 : length), file + braces);
+}
+
+/* Why an archive gives no raster. Zip: APPNOTE.TXT 6.3.10, 4.3.16, the record that ends it. */
+static int no_raster_inside(const char *path, const char *file, char **names, struct diag *diag)
+{
+    VSIStatBufL status;
+    char begin[4] = "";
+    if (VSIStatL(file, &status) != 0)
+        return diag_set(diag, -ENOENT, "%s: No such file or directory", path);
+    VSILFILE *open = VSIFOpenL(file, "rb");
+    size_t got = open ? VSIFReadL(begin, 1, sizeof(begin), open) : 0;
+    if (open)
+        VSIFCloseL(open);
+    if (names && names[0])
+        return diag_set(diag, -EBADMSG, "%s holds no raster that can be read, but %s%s", path,
+                        names[0], names[1] ? " and others" : "");
+    if (got == sizeof(begin) && memcmp(begin, "PK\5\6", sizeof(begin)) == 0)
+        return diag_set(diag, -EBADMSG, "%s is an archive with nothing in it", path);
+    return diag_set(diag, -EBADMSG, "%s is no zip archive, or damaged or cut short", path);
+}
+
 int raster_expand(const char *path, int (*function)(void *user, const char *path), void *user,
                   struct diag *diag)
 {
-    VSIStatBufL status;
-    if (!ends_with(path, ".zip") || strncmp(path, "/vsi", 4) == 0 ||
-        GDALIdentifyDriverEx(path, GDAL_OF_RASTER, NULL, NULL))
+    char file[1024], inside[1040];
+    archive_file(path, file, sizeof(file));
+    if (!ends_with(file, ".zip") || GDALIdentifyDriverEx(path, GDAL_OF_RASTER, NULL, NULL))
         return function(user, path);
-    if (VSIStatL(path, &status) != 0)
-        return diag_set(diag, -ENOENT, "%s: No such file or directory", path);
-    char inside[1024];
-    snprintf(inside, sizeof(inside), "/vsizip/{%s}", path);
+    snprintf(inside, sizeof(inside), "/vsizip/{%s}", file);
     char **names = VSIReadDirRecursive(inside);
     int rasters = 0, r = 0;
     for (int i = 0; r == 0 && names && names[i]; i++) {
@@ -345,9 +380,9 @@ int raster_expand(const char *path, int (*function)(void *user, const char *path
         rasters++;
         r = function(user, member);
     }
-    CSLDestroy(names);
     if (r == 0 && rasters == 0)
-        return diag_set(diag, -EBADMSG, "%s holds no raster that can be read", path);
+        r = no_raster_inside(path, file, names, diag);
+    CSLDestroy(names);
     return r;
 }
 

@@ -24,6 +24,11 @@ struct raster_facts {
     double first_x, first_y, dx, dy; /* first post and steps in its own system; dy < 0: north-up */
     double density;                  /* posts of a degree of latitude that are as fine as it */
     double unit_m; /* its heights are multiples of this (a raster of integers); 0 = any height */
+    struct raster_beyond {
+        uint64_t count; /* of them; 0 until raster_scan */
+        int32_t row, column;
+        double height_m; /* the first */
+    } beyond;            /* heights that no place on Earth has: voids */
 };
 
 /* Opens a raster for reading heights. Failures, each with a sentence naming the file: -ENOENT,
@@ -51,8 +56,9 @@ int raster_level(const struct raster_facts *facts, const struct grid *grid);
 /* True where every post of the raster is a post of that level: nothing is resampled. */
 bool raster_is_exact(const struct raster_facts *facts, const struct grid *grid, int level);
 
-/* Reads every pixel once. -EBADMSG where one cannot be read, none has data, or a height is beyond
- * what the Earth has. `progress` may be NULL; true stops with -ECANCELED. */
+/* Reads every pixel once, and counts heights beyond HEIGHT_MIN_M .. HEIGHT_MAX_M. -EBADMSG where
+ * one cannot be read, none has data, or so many are beyond, of more than one value, that the raster
+ * is an image or has another unit. `progress` may be NULL; true stops with -ECANCELED. */
 int raster_scan(struct raster *raster, bool (*progress)(void *user, uint64_t done, uint64_t total),
                 void *user, struct diag *diag);
 
@@ -78,8 +84,8 @@ int raster_sample(struct raster *raster, const struct grid *grid,
  * are kept, not printed. */
 void raster_start_up(int cache_mib);
 
-/* The rasters that an argument stands for: itself, or what a .zip holds (GDAL's own reading of
- * .hgt.zip included). Calls `function` for each; -EBADMSG where there is none. */
+/* The rasters that an argument stands for: itself, or what a .zip or /vsizip/ of one holds (GDAL's
+ * own reading of .hgt.zip included). Calls `function` for each; -EBADMSG where there is none. */
 int raster_expand(const char *path, int (*function)(void *user, const char *path), void *user,
                   struct diag *diag);
 

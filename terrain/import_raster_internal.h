@@ -15,7 +15,8 @@ struct raster {
     OGRCoordinateTransformationH from_lonlat, to_lonlat; /* NULL where it is the identity */
     double west, north, dx, dy; /* of the first pixel's centre; dy negative for north-up */
     double nodata, scale, offset;
-    double spacing_deg; /* between its posts at its middle, as degrees of latitude */
+    float lowest, highest; /* values of heights that a place on Earth can have */
+    double spacing_deg;    /* between its posts at its middle, as degrees of latitude */
     bool has_nodata, has_option_nodata, area, periodic;
     struct raster_facts facts;
     double *lon, *lat; /* RASTER_CHUNK positions, then pixels */
@@ -26,9 +27,11 @@ struct raster {
 
 #define RASTER_CHUNK 16641 /* posts that are placed at once */
 
+/* NaN and infinities, what is marked as missing, and what no place on Earth has. */
 static inline bool raster_is_void(const struct raster *raster, float value)
 {
-    return !isfinite(value) || (raster->has_nodata && value == (float)raster->nodata);
+    return !(value >= raster->lowest && value <= raster->highest) ||
+           (raster->has_nodata && value == (float)raster->nodata);
 }
 
 /* Pixels in memory; `x` may be negative or beyond the width in a raster round the globe. */
@@ -52,6 +55,22 @@ struct raster_spread raster_spread_of(const struct raster *raster, double lat_de
                                       double east_deg);
 
 void raster_measure_spacing(struct raster *raster);
+
+/* Positions of a lattice's posts, RASTER_CHUNK of them at most, into raster->lon and ->lat: pixels
+ * counted from the centre of the first one, NaN outside. */
+void raster_place_posts(struct raster *raster, const struct grid *grid,
+                        const struct raster_lattice *part);
+
+/* Whether the pixels nearest to places have data; false outside. 0, -EBADMSG, -ENOMEM. */
+int raster_has_data(struct raster *raster, int count, const double *lon_deg, const double *lat_deg,
+                    bool *ret_has, struct diag *diag);
+
+/* The same of the raster's own pixels x, x + stride, ... of a line. */
+int raster_mask_line(struct raster *raster, int64_t x, int64_t y, int stride, int count,
+                     bool *ret_has, struct diag *diag);
+
+/* Positions in pixels become longitudes and latitudes; NaN where there is no such place. */
+void raster_pixel_places(struct raster *raster, int count, double *x, double *y);
 
 /* How many pixels around a position count. */
 int raster_kernel_reach(struct raster_spread spread);

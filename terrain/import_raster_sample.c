@@ -3,6 +3,7 @@
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "terrain/height_step.h"
 #include "terrain/import_raster_internal.h"
@@ -10,6 +11,7 @@
 #define SNAP_PIXELS    1e-6
 #define PERIODIC_STEPS 1048576.0 /* positions in a pixel of a raster round the globe */
 #define WINDOW_PIXELS  (1 << 22) /* read at once */
+#define OTHERS_SHARE   10        /* one in so many may be a spike */
 
 static int reserve_window(struct raster *raster, size_t pixels)
 {
@@ -35,51 +37,77 @@ static int read_pixels(struct raster *raster, int x, int y, int width, int heigh
     return 0;
 }
 
-static bool is_height(const struct raster *raster, float value, float *ret_height_m)
+static double height_of(const struct raster *raster, float value)
 {
-    double height_m = (double)value * raster->scale + raster->offset;
-    *ret_height_m = (float)height_m;
-    return height_m >= HEIGHT_MIN_M && height_m <= HEIGHT_MAX_M;
+    return (double)value * raster->scale + raster->offset;
 }
 
-static int scan_lines(struct raster *raster, int y, int lines, uint64_t *data, struct diag *diag)
+/* What a scan finds. */
+struct census {
+    uint64_t heights;
+    uint64_t others; /* beyond what the Earth has, and of another value than the first one */
+    float first;
+};
+
+static void count_beyond(struct raster *raster, struct census *census, float value, int row,
+                         int column)
+{
+    struct raster_beyond *beyond = &raster->facts.beyond;
+    if (beyond->count++ == 0) {
+        *beyond = (struct raster_beyond){1, row, column, height_of(raster, value)};
+        census->first = value;
+    }
+    census->others += value != census->first;
+}
+
+static int scan_lines(struct raster *raster, int y, int lines, struct census *census,
+                      struct diag *diag)
 {
     size_t width = (size_t)raster->facts.width, count = (size_t)lines * width;
     int r = read_pixels(raster, 0, y, raster->facts.width, lines, raster->window,
                         raster->facts.width, diag);
     for (size_t i = 0; r == 0 && i < count; i++) {
-        float height_m;
-        if (raster_is_void(raster, raster->window[i]))
-            continue;
-        ++*data;
-        if (!is_height(raster, raster->window[i], &height_m))
-            r = diag_set(diag, -EBADMSG,
-                         "%s has %g m at row %d column %d, beyond %g .. %g m: an image, another "
-                         "unit, or a mark for missing data (--nodata)",
-                         raster->path, (double)height_m, y + (int)(i / width), (int)(i % width),
-                         HEIGHT_MIN_M, HEIGHT_MAX_M);
+        float value = raster->window[i];
+        if (!raster_is_void(raster, value))
+            census->heights++;
+        else if (isfinite(value) && !(raster->has_nodata && value == (float)raster->nodata))
+            count_beyond(raster, census, value, y + (int)(i / width), (int)(i % width));
     }
     return r;
+}
+
+/* One value is a mark for missing data, a few are spikes; many are heights in another unit. */
+static int judge(const struct raster *raster, const struct census *census, struct diag *diag)
+{
+    const struct raster_beyond *beyond = &raster->facts.beyond;
+    if (census->heights == 0 && beyond->count == 0)
+        return diag_set(diag, -EBADMSG, "%s has no data at all: every pixel is marked as missing",
+                        raster->path);
+    if (census->heights > 0 && census->others * OTHERS_SHARE <= census->heights)
+        return 0;
+    return diag_set(diag, -EBADMSG,
+                    "%s has %llu heights beyond %g .. %g m and %llu within, the first %g m at row "
+                    "%d column %d: an image, another unit, or a mark for missing data (--nodata)",
+                    raster->path, (unsigned long long)beyond->count, HEIGHT_MIN_M, HEIGHT_MAX_M,
+                    (unsigned long long)census->heights, beyond->height_m, beyond->row,
+                    beyond->column);
 }
 
 int raster_scan(struct raster *raster, bool (*progress)(void *user, uint64_t done, uint64_t total),
                 void *user, struct diag *diag)
 {
     const struct raster_facts *facts = &raster->facts;
-    uint64_t data = 0;
+    struct census census = {0};
     int lines = WINDOW_PIXELS / facts->width;
     lines = lines < 1 ? 1 : lines > 256 ? 256 : lines;
     int r = reserve_window(raster, (size_t)lines * (size_t)facts->width);
     for (int y = 0; r == 0 && y < facts->height; y += lines) {
         int count = facts->height - y < lines ? facts->height - y : lines;
-        r = scan_lines(raster, y, count, &data, diag);
+        r = scan_lines(raster, y, count, &census, diag);
         if (r == 0 && progress && progress(user, (uint64_t)(y + count), (uint64_t)facts->height))
             r = diag_set(diag, -ECANCELED, "interrupted");
     }
-    if (r == 0 && data == 0)
-        r = diag_set(diag, -EBADMSG, "%s has no data at all: every pixel is marked as missing",
-                     raster->path);
-    return r;
+    return r == 0 ? judge(raster, &census, diag) : r;
 }
 
 /* A part of a lattice: rows and columns of it. */
@@ -127,33 +155,24 @@ static int sample_direct(struct raster *raster, const struct grid *grid,
                 return r;
             for (int i = 0; i < lines; i++) {
                 int64_t row = up > 0 ? line + i - south : south - (line + i);
-                float *out = ret_heights_m + row * lattice->cols + (begin - west), height_m;
+                float *out = ret_heights_m + row * lattice->cols + (begin - west);
                 const float *in = raster->window + (size_t)i * (size_t)width;
                 for (int j = 0; j < width; j++)
                     if (!raster_is_void(raster, in[j]))
-                        out[j] = is_height(raster, in[j], &height_m) ? height_m : NAN;
+                        out[j] = (float)height_of(raster, in[j]);
             }
         }
     }
     return 0;
 }
 
-/* Positions of a part's posts in pixels counted from the centre of the raster's first one; NaN
- * outside. */
-static void place_posts(struct raster *raster, const struct grid *grid,
-                        const struct raster_lattice *lattice, const struct part *part)
+/* The first `count` longitudes and latitudes become positions in pixels counted from the centre of
+ * the raster's first one; NaN outside. */
+static void place(struct raster *raster, int count)
 {
-    int count = part->rows * part->cols;
     double margin = raster->area ? 0.5 : SNAP_PIXELS;
     double width = raster->facts.width, height = raster->facts.height;
     double turn = 360.0 / raster->dx; /* pixels round the globe, with the sign of dx */
-    for (int row = 0, i = 0; row < part->rows; row++)
-        for (int col = 0; col < part->cols; col++, i++) {
-            raster->lat[i] =
-                grid_post_lat_deg(grid, lattice->level, lattice->row0 + part->row + row);
-            raster->lon[i] = grid_post_lon_deg(grid, lattice->level, lattice->shift,
-                                               lattice->col0 + part->col + col);
-        }
     if (raster->from_lonlat)
         OCTTransform(raster->from_lonlat, count, raster->lon, raster->lat, NULL);
     for (int i = 0; i < count; i++) {
@@ -184,6 +203,17 @@ static void place_posts(struct raster *raster, const struct grid *grid,
         raster->lon[i] = inside ? x : NAN;
         raster->lat[i] = inside ? fmin(fmax(y, 0.0), height - 1.0) : NAN;
     }
+}
+
+void raster_place_posts(struct raster *raster, const struct grid *grid,
+                        const struct raster_lattice *part)
+{
+    for (int row = 0, i = 0; row < part->rows; row++)
+        for (int col = 0; col < part->cols; col++, i++) {
+            raster->lat[i] = grid_post_lat_deg(grid, part->level, part->row0 + row);
+            raster->lon[i] = grid_post_lon_deg(grid, part->level, part->shift, part->col0 + col);
+        }
+    place(raster, part->rows * part->cols);
 }
 
 static bool window_around(const struct raster *raster, int count, int reach,
@@ -264,7 +294,12 @@ static int sample_part(struct raster *raster, const struct grid *grid,
             raster_spread_at(raster, grid, lattice->level, lattice->row0 + part->row + row));
         reach = own > reach ? own : reach;
     }
-    place_posts(raster, grid, lattice, part);
+    struct raster_lattice posts = *lattice;
+    posts.row0 += part->row;
+    posts.col0 += part->col;
+    posts.rows = part->rows;
+    posts.cols = part->cols;
+    raster_place_posts(raster, grid, &posts);
     if (!window_around(raster, count, reach, &window))
         return 0;
     if ((int64_t)window.width * window.height > WINDOW_PIXELS && count > 1)
@@ -290,4 +325,74 @@ int raster_sample(struct raster *raster, const struct grid *grid,
         ret_heights_m[i] = NAN;
     int r = sample_direct(raster, grid, lattice, ret_heights_m, diag);
     return r == 1 ? sample_part(raster, grid, lattice, &whole, ret_heights_m, diag) : r;
+}
+
+int raster_has_data(struct raster *raster, int count, const double *lon_deg, const double *lat_deg,
+                    bool *ret_has, struct diag *diag)
+{
+    struct raster_window window;
+    int half = count / 2, r = 0;
+    bool small = count <= RASTER_CHUNK;
+    for (int i = 0; i < count; i++)
+        ret_has[i] = false;
+    if (small) {
+        memcpy(raster->lon, lon_deg, (size_t)count * sizeof(*lon_deg));
+        memcpy(raster->lat, lat_deg, (size_t)count * sizeof(*lat_deg));
+        place(raster, count);
+        if (!window_around(raster, count, 0, &window))
+            return 0;
+        small = (int64_t)window.width * window.height <= WINDOW_PIXELS || count == 1;
+    }
+    if (!small) {
+        r = raster_has_data(raster, half, lon_deg, lat_deg, ret_has, diag);
+        return r < 0 ? r
+                     : raster_has_data(raster, count - half, lon_deg + half, lat_deg + half,
+                                       ret_has + half, diag);
+    }
+    r = fill_window(raster, &window, diag);
+    for (int i = 0; r == 0 && i < count; i++) {
+        if (isnan(raster->lon[i]))
+            continue;
+        int x = (int)nearbyint(raster->lon[i]) - window.x;
+        int y = (int)nearbyint(raster->lat[i]) - window.y;
+        ret_has[i] =
+            !raster_is_void(raster, window.pixels[(size_t)y * (size_t)window.width + (size_t)x]);
+    }
+    return r;
+}
+
+int raster_mask_line(struct raster *raster, int64_t x, int64_t y, int stride, int count,
+                     bool *ret_has, struct diag *diag)
+{
+    int64_t width = raster->facts.width;
+    for (int i = 0; i < count; i++)
+        ret_has[i] = false;
+    if (y < 0 || y >= raster->facts.height)
+        return 0;
+    struct raster_window window = {.x = (int)(raster->periodic ? x
+                                              : x < 0          ? 0
+                                                               : x),
+                                   .y = (int)y,
+                                   .height = 1};
+    int64_t end = x + (int64_t)stride * (count - 1) + 1;
+    window.width = (int)((raster->periodic || end < width ? end : width) - window.x);
+    int r = window.width > 0 ? fill_window(raster, &window, diag) : 1;
+    for (int i = 0; r == 0 && i < count; i++) {
+        int64_t at = x + (int64_t)stride * i - window.x;
+        ret_has[i] = at >= 0 && at < window.width && !raster_is_void(raster, window.pixels[at]);
+    }
+    return r < 0 ? r : 0;
+}
+
+void raster_pixel_places(struct raster *raster, int count, double *x, double *y)
+{
+    for (int i = 0; i < count; i++) {
+        x[i] = raster->west + raster->dx * x[i];
+        y[i] = raster->north + raster->dy * y[i];
+    }
+    if (raster->to_lonlat)
+        OCTTransform(raster->to_lonlat, count, x, y, NULL);
+    for (int i = 0; i < count; i++)
+        if (!isfinite(x[i]) || !isfinite(y[i]) || fabs(y[i]) > 90.0)
+            x[i] = y[i] = NAN;
 }

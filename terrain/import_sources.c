@@ -17,13 +17,14 @@ static void add_options_to_key(const struct import_options *options, char *key, 
         used += (size_t)snprintf(key + used, size - used, " crs=%08lx", sum);
     }
     if (options->has_nodata)
-        snprintf(key + used, size - used, " nodata=%.17g", options->nodata);
+        used += (size_t)snprintf(key + used, size - used, " nodata=%.17g", options->nodata);
+    if (options->has_sea)
+        snprintf(key + used, size - used, " sea=%.17g", options->sea_m);
 }
 
 static int fill_key(struct import_source *source, bool imagery, struct diag *diag)
 {
-    int64_t time_s;
-    if (raster_file_state(source->path, &source->bytes, &time_s) < 0)
+    if (raster_file_state(source->path, &source->bytes, &source->time_s) < 0)
         return diag_set(diag, -ENOENT, "%s: No such file or directory", source->path);
     char *real = realpath(source->path, NULL);
     const char *path = real ? real : source->path;
@@ -33,7 +34,7 @@ static int fill_key(struct import_source *source, bool imagery, struct diag *dia
     if (r == 0) {
         source->key_file_length = (size_t)snprintf(
             source->key, sizeof(source->key), "%.*s %llu %lld ", DATABASE_NAME_MAX - 1, path,
-            (unsigned long long)source->bytes, (long long)time_s);
+            (unsigned long long)source->bytes, (long long)source->time_s);
         if (!imagery)
             snprintf(source->key + source->key_file_length,
                      sizeof(source->key) - source->key_file_length, "%s %d",
@@ -41,6 +42,30 @@ static int fill_key(struct import_source *source, bool imagery, struct diag *dia
         add_options_to_key(source->options, source->key, sizeof(source->key));
     }
     free(real);
+    return r;
+}
+
+int import_check_source(const struct import_source *source, struct diag *diag)
+{
+    uint64_t bytes;
+    int64_t time_s;
+    if (raster_file_state(source->path, &bytes, &time_s) < 0)
+        return diag_set(diag, -ENOENT, "%s is gone: it was there when the import began",
+                        source->path);
+    if (bytes != source->bytes || time_s != source->time_s)
+        return diag_set(diag, -ESTALE,
+                        "%s has changed since the import began (%llu bytes, now %llu): run it "
+                        "again",
+                        source->path, (unsigned long long)source->bytes, (unsigned long long)bytes);
+    return 0;
+}
+
+int import_check_sources(const struct import_job *job, struct diag *diag)
+{
+    int r = 0;
+    for (size_t i = 0; r == 0 && i < job->source_count; i++)
+        if (!job->sources[i].done)
+            r = import_check_source(&job->sources[i], diag);
     return r;
 }
 
@@ -83,4 +108,50 @@ int import_list_sources(struct import_job *job, struct diag *diag)
         r = raster_expand(params->inputs[i].path, add_source, &expansion, diag);
     }
     return r;
+}
+
+void import_drop_twins(struct import_job *job)
+{
+    for (size_t i = 0; i < job->source_count; i++)
+        for (size_t j = 0; j < i && !job->sources[i].done; j++)
+            job->sources[i].done = strcmp(job->sources[i].key, job->sources[j].key) == 0;
+}
+
+/* FNV-1a, 64 bits (Fowler, Noll, Vo). */
+uint64_t import_add_to_hash(uint64_t hash, const void *data, size_t size)
+{
+    const uint8_t *bytes = data;
+    for (size_t i = 0; i < size; i++)
+        hash = (hash ^ bytes[i]) * UINT64_C(0x100000001b3);
+    return hash;
+}
+
+struct raster_options import_raster_options(const struct import_job *job,
+                                            const struct import_source *source)
+{
+    const struct import_options *options = source->options;
+    return (struct raster_options){options->crs, options->has_nodata ? &options->nodata : NULL,
+                                   job->params->imagery != NULL};
+}
+
+static int by_rank(const void *a, const void *b, void *user)
+{
+    const struct import_job *job = user;
+    size_t x = *(const size_t *)a, y = *(const size_t *)b;
+    int p = job->sources[x].options->priority, q = job->sources[y].options->priority;
+    return p != q ? (p < q) - (p > q) : (x < y) - (x > y);
+}
+
+int import_order_sources(const struct import_job *job, size_t **ret_order, size_t *ret_count)
+{
+    size_t *order = malloc((job->source_count + 1) * sizeof(*order)), count = 0;
+    if (!order)
+        return -ENOMEM;
+    for (size_t i = 0; i < job->source_count; i++)
+        if (!job->sources[i].done)
+            order[count++] = i;
+    qsort_r(order, count, sizeof(*order), by_rank, (void *)job);
+    *ret_order = order;
+    *ret_count = count;
+    return 0;
 }

@@ -21,6 +21,7 @@
 #define AHEAD_EVERY  8
 #define JUMP_MAX_DEG 0.1 /* from wish to wish: more is no motion */
 #define ASK_AGAIN_NS (NSEC_PER_SEC / 4)
+#define SAMPLERS_MAX 8
 
 struct wish {
     uint64_t number; /* 1, 2, ... */
@@ -58,16 +59,16 @@ static void count(_Atomic uint64_t *counter, uint64_t value)
 
 static void publish_counts(struct loader *loader)
 {
-    const struct terrain_source *source = loader->source;
-    count(&loader->counts.tiles_loaded, source->tiles_loaded);
-    count(&loader->counts.read_errors, source->read_errors);
-    count(&loader->counts.tile_hits, source->tile_hits);
-    count(&loader->counts.tile_misses, source->tile_misses);
-    count(&loader->counts.prefetched, source->prefetched);
-    count(&loader->counts.longest_late_us, (uint64_t)(source->longest_late_ms * 1e3));
+    const struct terrain_counts source = terrain_source_counts(loader->source);
+    count(&loader->counts.tiles_loaded, source.tiles_loaded);
+    count(&loader->counts.read_errors, source.read_errors);
+    count(&loader->counts.tile_hits, source.tile_hits);
+    count(&loader->counts.tile_misses, source.tile_misses);
+    count(&loader->counts.prefetched, source.prefetched);
+    count(&loader->counts.longest_late_us, (uint64_t)(source.longest_late_ms * 1e3));
     count(&loader->counts.posts_sampled, loader->filler.posts_sampled);
-    count(&loader->counts.tiles_resident, source->tiles_resident);
-    count(&loader->counts.tiles_pending, source->tiles_pending);
+    count(&loader->counts.tiles_resident, source.tiles_resident);
+    count(&loader->counts.tiles_pending, source.tiles_pending);
 }
 
 static void hand_over(struct loader *loader, struct loader_update *update)
@@ -276,11 +277,18 @@ static void loader_free(struct loader *loader)
     free(loader);
 }
 
+/* Half of the processors sample: the others draw, and decode tiles. */
+static unsigned samplers(void)
+{
+    unsigned half = parallel_processors() / 2;
+    return half < 1 ? 1 : half < SAMPLERS_MAX ? half : SAMPLERS_MAX;
+}
+
 static int start(struct loader *loader, const struct loader_params *params, struct diag *diag)
 {
     const struct clipmap_shape *shape = &params->shape;
-    int r =
-        window_filler_init(&loader->filler, shape, loader->source, loader->fallback, loader->geoid);
+    int r = window_filler_init(&loader->filler, shape, loader->source, loader->fallback,
+                               loader->geoid, params->samplers ? params->samplers : samplers());
     if (r == 0)
         r = allocate_updates(loader, shape, params->arenas);
     if (r < 0)

@@ -69,6 +69,7 @@ struct loader_params {
     struct terrain_source
         *fallback;       /* used where `source` has none; may be NULL; ownership passes */
     struct geoid *geoid; /* NULL: undulation 0 everywhere; ownership passes */
+    unsigned samplers;   /* threads that sample; 0: half of the processors, at most 8 */
     /* Memory of the renderer's, one piece an update, into which strips are written: heights at 0,
      * surfaces at loader_surfaces_offset(), loader_arena_bytes() in all. It outlives the loader. */
     void *arenas[LOADER_UPDATES];
@@ -103,7 +104,7 @@ bool loader_pending(const struct loader *loader);
 
 struct loader_counts {
     uint64_t tiles_loaded, read_errors, posts_sampled, updates;
-    uint64_t tile_hits, tile_misses, prefetched; /* as struct terrain_source has them */
+    uint64_t tile_hits, tile_misses, prefetched; /* as struct terrain_counts has them */
     uint64_t tiles_resident, tiles_pending;      /* the same */
     double longest_late_ms;
 };

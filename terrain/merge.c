@@ -6,6 +6,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "terrain/database_lock.h"
 #include "terrain/pyramid.h"
 
 struct merge {
@@ -103,6 +104,7 @@ int merge_shards(const char *database, const char *const *shards, size_t count, 
     struct merge merge = {.shards = calloc(count + 1, sizeof(struct database *)), .count = count};
     struct database_params params;
     struct pyramid_area *areas = NULL;
+    struct database_lock *lock = NULL;
     struct pyramid_params pyramid = {.jobs = jobs, .progress = progress, .user = user};
     int r = merge.shards ? 0 : -ENOMEM;
     long processors = sysconf(_SC_NPROCESSORS_ONLN);
@@ -110,6 +112,8 @@ int merge_shards(const char *database, const char *const *shards, size_t count, 
         pyramid.jobs = processors > 0 ? (unsigned)processors : 1;
     pyramid.jobs = pyramid.jobs > PYRAMID_JOBS_MAX ? PYRAMID_JOBS_MAX : pyramid.jobs;
     snprintf(path, sizeof(path), "%.*s" DATABASE_PART_SUFFIX, DATABASE_NAME_MAX - 1, database);
+    if (r == 0)
+        r = database_lock_take(database, &lock, diag);
     if (r == 0 && access(database, F_OK) == 0)
         r = diag_set(diag, -EEXIST, "%s exists", database);
     for (size_t i = 0; r == 0 && i < count; i++)
@@ -129,6 +133,7 @@ int merge_shards(const char *database, const char *const *shards, size_t count, 
         unlink(path);
     for (size_t i = 0; merge.shards && i < count; i++)
         database_close(merge.shards[i]);
+    database_lock_release(lock);
     free(merge.shards);
     free(areas);
     return r;

@@ -25,7 +25,11 @@
 struct planet {
     struct terrain_source source; /* first */
     struct planet_grid grid;
-    struct planet_patch height_patch, relief_patch, mip_patches[PLANET_MIPS];
+};
+
+/* What neighbouring posts look up alike. */
+struct patches {
+    struct planet_patch height, relief; /* or, of a coarser mip, `height` alone */
 };
 
 /* What all posts of a row have in common. */
@@ -125,13 +129,13 @@ static float noise_height_m(float coarse_m, float relief_m, float pole)
     return pole * full_m * room_m / (room_m + 0.6f * full_m);
 }
 
-static float post_height_m(struct planet *p, const struct batch *batch,
-                           const struct noise_sum *noise, int j)
+static float post_height_m(const struct planet *p, const struct batch *batch,
+                           const struct noise_sum *noise, int j, struct patches *patches)
 {
     double x = wrapped_cells(batch->x_cells[j] + (double)noise->bend_x[j]);
     double y = batch->y_cells[j] + (double)noise->bend_y[j];
-    float coarse_m = planet_raster_interpolate(&p->grid.height_m[0], x, y, &p->height_patch);
-    float relief_m = planet_raster_interpolate(&p->grid.relief, x, y, &p->relief_patch) *
+    float coarse_m = planet_raster_interpolate(&p->grid.height_m[0], x, y, &patches->height);
+    float relief_m = planet_raster_interpolate(&p->grid.relief, x, y, &patches->relief) *
                      (1.0f / PLANET_RELIEF_PER_M);
     relief_m = relief_m > 0.0f ? relief_m : 0.0f;
     float ridges = (float)smoothstep(RIDGES_FROM_M, RIDGES_ALL_M, relief_m);
@@ -155,7 +159,8 @@ static bool open_sea(const struct planet *p, double x_cells, double y_cells)
     return !(s[west] | s[east] | n[west] | n[east]);
 }
 
-static void sample_fine(struct planet *p, const struct batch *batch, float *ret_height_m)
+static void sample_fine(const struct planet *p, const struct batch *batch, struct patches *patches,
+                        float *ret_height_m)
 {
     int sea = 0, count = batch->count;
     while (sea < count && open_sea(p, batch->x_cells[sea], batch->y_cells[sea]))
@@ -169,25 +174,27 @@ static void sample_fine(struct planet *p, const struct batch *batch, float *ret_
         if (batch->row.share[i] > 0.0f)
             add_band(batch, i, &sum);
     for (int j = 0; j < count; j++)
-        ret_height_m[j] = post_height_m(p, batch, &sum, j);
+        ret_height_m[j] = post_height_m(p, batch, &sum, j, patches);
 }
 
 /* Grids coarser than the planet's own: no noise, an averaged raster. */
-static void sample_coarse(struct planet *p, const struct batch *batch, int mip, float *ret_height_m)
+static void sample_coarse(const struct planet *p, const struct batch *batch, int mip,
+                          struct patches *patches, float *ret_height_m)
 {
     for (int j = 0; j < batch->count; j++) {
         float height_m = planet_raster_interpolate(&p->grid.height_m[mip], batch->x_cells[j],
-                                                   batch->y_cells[j], &p->mip_patches[mip]);
+                                                   batch->y_cells[j], &patches->height);
         ret_height_m[j] = height_m > 0.0f ? height_m : 0.0f;
     }
 }
 
-static void sample_batch(struct planet *p, struct batch *batch, int mip, float *ret_height_m)
+static void sample_batch(const struct planet *p, struct batch *batch, int mip,
+                         struct patches *patches, float *ret_height_m)
 {
     if (mip > 0)
-        sample_coarse(p, batch, mip, ret_height_m);
+        sample_coarse(p, batch, mip, patches, ret_height_m);
     else
-        sample_fine(p, batch, ret_height_m);
+        sample_fine(p, batch, patches, ret_height_m);
     batch->count = 0;
 }
 
@@ -208,20 +215,21 @@ static int mip_for(double spacing_cells)
 static int planet_sample_grid(struct terrain_source *source, const struct terrain_grid *grid,
                               float *ret_height_m)
 {
-    struct planet *p = (struct planet *)source;
+    const struct planet *p = (const struct planet *)source;
     double step_y = cells_from_step(grid->lat_step_deg),
            step_x = cells_from_step(grid->lon_step_deg);
     if (!(step_y > 0.0) || !(step_x > 0.0) || !isfinite(step_y) || !isfinite(step_x))
         return -EINVAL;
     int mip = mip_for(step_y);
     struct batch batch = {.spacing_x = step_x, .spacing_y = step_y};
+    struct patches patches = {PLANET_PATCH_EMPTY, PLANET_PATCH_EMPTY};
     float *heights_m = ret_height_m; /* where the batch begins */
     for (int r = 0; r < grid->rows; r++) {
         struct row row = row_at((double)(grid->row0 + r) * step_y + 90 * PLANET_CELLS_PER_DEG);
         for (int c = 0; c < grid->cols; c++) {
             int count = batch.count;
             if (count == PLANET_NOISE_POSTS || (count > 0 && !same_bands(&batch.row, &row))) {
-                sample_batch(p, &batch, mip, heights_m);
+                sample_batch(p, &batch, mip, &patches, heights_m);
                 heights_m += count;
                 count = 0;
             }
@@ -233,7 +241,7 @@ static int planet_sample_grid(struct terrain_source *source, const struct terrai
             batch.count++;
         }
     }
-    sample_batch(p, &batch, mip, heights_m);
+    sample_batch(p, &batch, mip, &patches, heights_m);
     return 0;
 }
 
@@ -292,9 +300,6 @@ int planet_open(struct terrain_source **ret, struct diag *diag)
         return r;
     }
     p->source.ops = &ops;
-    p->height_patch = p->relief_patch = PLANET_PATCH_EMPTY;
-    for (int i = 0; i < PLANET_MIPS; i++)
-        p->mip_patches[i] = PLANET_PATCH_EMPTY;
     *ret = &p->source;
     return 0;
 }

@@ -37,10 +37,22 @@ struct terrain_rect {
 
 struct terrain_source;
 
+/* Since the source was opened; of interest where it reads from a disk. */
+struct terrain_counts {
+    uint64_t tiles_loaded;                  /* read and decoded */
+    uint64_t read_errors;                   /* tiles that could not be */
+    uint64_t tile_hits;                     /* asked for and there */
+    uint64_t tile_misses;                   /* asked for and not yet there */
+    uint64_t prefetched;                    /* decoded before they were missed */
+    uint32_t tiles_resident, tiles_pending; /* now: decoded; missed and not yet there */
+    double longest_late_ms;                 /* from the first miss of a tile to its coming */
+};
+
 struct terrain_source_ops {
     /* Fills ret_height_m[rows][cols] with orthometric heights (metres above the EGM96 geoid);
      * NaN where the source has none. Returns 0, -errno, or, once `stream` was
-     * called, TERRAIN_LATE; a tile that cannot be read is counted, not returned. */
+     * called, TERRAIN_LATE; a tile that cannot be read is counted, not returned. Several threads
+     * may sample at once where the source has no `stream`, or once that was called. */
     int (*sample_grid)(struct terrain_source *source, const struct terrain_grid *grid,
                        float *ret_height_m);
     /* The height of the finest surface at one place (bilinear between the four posts around it);
@@ -60,22 +72,18 @@ struct terrain_source_ops {
     /* Asks for what a grid will need; what is nearer to the focus comes first. */
     void (*prefetch)(struct terrain_source *source, const struct terrain_grid *grid);
     void (*focus)(struct terrain_source *source, double lat_deg, double lon_deg);
+    void (*counts)(struct terrain_source *source, struct terrain_counts *ret_counts);
     /* Where heights have changed since the last call, `arrived` having told; false: nowhere. */
     bool (*changed)(struct terrain_source *source, struct terrain_rect *ret_rect);
 };
 
-/* Embedded first in each implementation. One thread at a time may use a source. */
+/* Embedded first in each implementation. One thread at a time may use a source, but for
+ * sample_grid. */
 struct terrain_source {
     const struct terrain_source_ops *ops;
-    /* Since the source was opened; of interest where it reads from a disk. */
-    uint64_t tiles_loaded;                  /* read and decoded */
-    uint64_t read_errors;                   /* tiles that could not be */
-    uint64_t tile_hits;                     /* asked for and there */
-    uint64_t tile_misses;                   /* asked for and not yet there */
-    uint64_t prefetched;                    /* decoded before they were missed */
-    uint32_t tiles_resident, tiles_pending; /* now: decoded; missed and not yet there */
-    double longest_late_ms;                 /* from the first miss of a tile to its coming */
 };
 
+/* All 0 for a source that reads from no disk. */
+struct terrain_counts terrain_source_counts(struct terrain_source *source);
 /* Legal on NULL. */
 void terrain_source_destroy(struct terrain_source *source);

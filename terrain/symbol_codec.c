@@ -108,7 +108,7 @@ static size_t encode_raw(const int32_t *symbols, const struct tile_parent *paren
     return size;
 }
 
-/* The payload's size, or 0 where it is no smaller than a raw one. */
+/* The payload's size, or 0 where it would be more than three bytes a post. */
 static size_t encode_coded(struct symbol_coder *coder, const struct tile_parent *parent,
                            bool with_base, uint8_t *ret_payload)
 {

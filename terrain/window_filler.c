@@ -3,6 +3,7 @@
 #include <assert.h>
 #include <errno.h>
 #include <math.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -12,22 +13,44 @@
 #define GEOID_COLUMNS 80 /* enough for the widest window */
 #define LATE_SIDE     64 /* half-posts a side of what is sampled again by itself */
 #define REFRESH_PARTS (LOADER_MAX_STRIPS / 2) /* each may need a strip of the finer level, too */
+#define CHUNK_POSTS   (LATE_SIDE * LATE_SIDE) /* half-posts that a worker takes at a time */
+
+/* A rectangle of half-posts of one level that is to be sampled. */
+struct filler_part {
+    int level;
+    struct clipmap_rect half_posts;
+    atomic_bool late, changed; /* what came of it */
+};
+
+/* A chunk's, of one worker. */
+struct filler_scratch {
+    float altitude_m[CHUNK_POSTS], fallback_m[CHUNK_POSTS], undulation_m[CHUNK_POSTS];
+    bool water[CHUNK_POSTS];
+};
+
+static int32_t smaller(int32_t a, int32_t b)
+{
+    return a < b ? a : b;
+}
+
+static int32_t greater(int32_t a, int32_t b)
+{
+    return a > b ? a : b;
+}
 
 int window_filler_init(struct window_filler *filler, const struct clipmap_shape *shape,
                        struct terrain_source *source, struct terrain_source *fallback,
-                       struct geoid *geoid)
+                       struct geoid *geoid, unsigned jobs)
 {
     size_t half_posts = (size_t)level_half_posts(shape) * (size_t)level_half_posts(shape);
     *filler = (struct window_filler){
         .shape = *shape, .source = source, .fallback = fallback, .geoid = geoid};
     filler->late_capacity = (size_t)shape->levels * (4 + 4 * half_posts / (LATE_SIDE * LATE_SIDE));
     filler->late = malloc(filler->late_capacity * sizeof(*filler->late));
-    filler->altitude_m = malloc(half_posts * sizeof(float));
-    filler->fallback_m = malloc(half_posts * sizeof(float));
-    filler->undulation_m = malloc(half_posts * sizeof(float));
-    filler->water = malloc(half_posts * sizeof(bool));
-    if (!filler->late || !filler->water || !filler->altitude_m || !filler->fallback_m ||
-        !filler->undulation_m)
+    if (!filler->late || crew_create(jobs, "otwd-sample", &filler->crew) < 0)
+        return -ENOMEM;
+    filler->scratch = malloc(crew_size(filler->crew) * sizeof(*filler->scratch));
+    if (!filler->scratch)
         return -ENOMEM;
     for (int level = 0; level < shape->levels; level++)
         if (level_store_init(&filler->stores[level], &filler->shape, level) < 0)
@@ -39,10 +62,8 @@ void window_filler_finish(struct window_filler *filler)
 {
     for (int level = 0; level < CLIPMAP_MAX_LEVELS; level++)
         level_store_finish(&filler->stores[level]);
-    free(filler->water);
-    free(filler->altitude_m);
-    free(filler->fallback_m);
-    free(filler->undulation_m);
+    crew_destroy(filler->crew);
+    free(filler->scratch);
     free(filler->late);
 }
 
@@ -68,19 +89,19 @@ static bool any_void_or_low(const float *altitude_m, size_t count)
 }
 
 /* Puts the fallback's height (or 0) where the source has none, and finds the water. */
-static void settle_ground(struct window_filler *filler, const struct terrain_grid *grid,
-                          size_t count, bool *late)
+static void settle_ground(const struct window_filler *filler, const struct terrain_grid *grid,
+                          size_t count, struct filler_scratch *scratch, bool *late)
 {
-    bool have = any_void_or_low(filler->altitude_m, count) &&
-                sample_source(filler, filler->fallback, grid, filler->fallback_m, late);
+    bool have = any_void_or_low(scratch->altitude_m, count) &&
+                sample_source(filler, filler->fallback, grid, scratch->fallback_m, late);
     for (size_t i = 0; i < count; i++) {
-        float altitude_m = filler->altitude_m[i];
+        float altitude_m = scratch->altitude_m[i];
         if (isnan(altitude_m))
-            altitude_m = have ? filler->fallback_m[i] : 0.0f;
+            altitude_m = have ? scratch->fallback_m[i] : 0.0f;
         if (isnan(altitude_m))
             altitude_m = 0.0f;
-        filler->water[i] = ground_is_water(altitude_m, have ? filler->fallback_m[i] : NAN);
-        filler->altitude_m[i] = altitude_m;
+        scratch->water[i] = ground_is_water(altitude_m, have ? scratch->fallback_m[i] : NAN);
+        scratch->altitude_m[i] = altitude_m;
     }
 }
 
@@ -101,7 +122,8 @@ static float between(float a, float b, int i)
 /* On fine grids the geoid is taken every GEOID_STRIDE posts, counted from the equator and Greenwich
  * whatever the rectangle, and is linear between: a square of 0.02 degrees, in which it bends by
  * less than a millimetre. */
-static void sample_fine_undulation(struct window_filler *filler, const struct terrain_grid *grid)
+static void sample_fine_undulation(const struct window_filler *filler,
+                                   const struct terrain_grid *grid, float *ret_undulation_m)
 {
     int64_t west = grid->col0 & ~(int64_t)(GEOID_STRIDE - 1), held = INT64_MIN;
     int first = (int)(grid->col0 - west), count = (first + grid->cols - 1) / GEOID_STRIDE + 2;
@@ -109,7 +131,7 @@ static void sample_fine_undulation(struct window_filler *filler, const struct te
     assert(count <= GEOID_COLUMNS);
     for (int r = 0; r < grid->rows; r++) {
         int64_t row = grid->row0 + r, lower = row & ~(int64_t)(GEOID_STRIDE - 1);
-        float *out = filler->undulation_m + (size_t)r * (size_t)grid->cols;
+        float *out = ret_undulation_m + (size_t)r * (size_t)grid->cols;
         for (int i = 0; i < count && lower != held; i++) {
             int64_t col = west + (int64_t)i * GEOID_STRIDE;
             south[i] = undulation_at(filler, grid, lower, col);
@@ -125,36 +147,84 @@ static void sample_fine_undulation(struct window_filler *filler, const struct te
     }
 }
 
-static void sample_undulation(struct window_filler *filler, const struct terrain_grid *grid)
+static void sample_undulation(const struct window_filler *filler, const struct terrain_grid *grid,
+                              float *ret_undulation_m)
 {
     size_t count = (size_t)grid->rows * (size_t)grid->cols;
     if (!filler->geoid) {
-        memset(filler->undulation_m, 0, count * sizeof(float));
+        memset(ret_undulation_m, 0, count * sizeof(float));
     } else if (fmax(grid->lat_step_deg, grid->lon_step_deg) * GEOID_STRIDE <= 0.02) {
-        sample_fine_undulation(filler, grid);
+        sample_fine_undulation(filler, grid, ret_undulation_m);
     } else {
         for (size_t i = 0; i < count; i++)
-            filler->undulation_m[i] =
+            ret_undulation_m[i] =
                 undulation_at(filler, grid, grid->row0 + (int64_t)(i / (size_t)grid->cols),
                               grid->col0 + (int64_t)(i % (size_t)grid->cols));
     }
 }
 
-/* Fills the scratch arrays with the ground of one rectangle of half-posts. True where it is
- * coarser than the source will have it. */
-static bool sample_rect(struct window_filler *filler, const struct level_store *store,
-                        struct clipmap_rect rect)
+/* Samples the ground of some rows of a part into its level. */
+static void sample_chunk(const struct window_filler *filler, struct filler_scratch *scratch,
+                         struct level_store *store, struct clipmap_rect rect,
+                         struct filler_part *part)
 {
     struct terrain_grid grid = level_store_grid(store, rect);
     size_t count = (size_t)rect.rows * (size_t)rect.cols;
     bool late = false;
-    if (!sample_source(filler, filler->source, &grid, filler->altitude_m, &late))
+    if (!sample_source(filler, filler->source, &grid, scratch->altitude_m, &late))
         for (size_t i = 0; i < count; i++)
-            filler->altitude_m[i] = NAN;
-    settle_ground(filler, &grid, count, &late);
-    sample_undulation(filler, &grid);
-    filler->posts_sampled += count;
-    return late;
+            scratch->altitude_m[i] = NAN;
+    settle_ground(filler, &grid, count, scratch, &late);
+    sample_undulation(filler, &grid, scratch->undulation_m);
+    if (level_store_put(store, rect, scratch->altitude_m, scratch->undulation_m, scratch->water))
+        atomic_store(&part->changed, true);
+    if (late)
+        atomic_store(&part->late, true);
+}
+
+struct sampling_run {
+    struct window_filler *filler;
+    struct filler_part *parts;
+};
+
+static int rows_of_chunk(const struct filler_part *part)
+{
+    assert(part->half_posts.cols <= CHUNK_POSTS);
+    return CHUNK_POSTS / part->half_posts.cols;
+}
+
+static unsigned chunks_of(const struct filler_part *part)
+{
+    int rows = rows_of_chunk(part);
+    return (unsigned)((part->half_posts.rows + rows - 1) / rows);
+}
+
+static int run_chunk(void *user, unsigned worker, unsigned item)
+{
+    const struct sampling_run *run = user;
+    struct filler_part *part = run->parts;
+    while (item >= chunks_of(part))
+        item -= chunks_of(part++);
+    struct clipmap_rect rect = part->half_posts;
+    int rows = rows_of_chunk(part), first = (int)item * rows;
+    rect.row0 += first;
+    rect.rows = smaller(rows, rect.rows - first);
+    sample_chunk(run->filler, &run->filler->scratch[worker], &run->filler->stores[part->level],
+                 rect, part);
+    return 0;
+}
+
+/* Samples all parts, which do not overlap, into their levels. */
+static void sample_parts(struct window_filler *filler, struct filler_part *parts, size_t count)
+{
+    struct sampling_run run = {filler, parts};
+    unsigned chunks = 0;
+    for (size_t i = 0; i < count; i++) {
+        chunks += chunks_of(&parts[i]);
+        filler->posts_sampled +=
+            (uint64_t)parts[i].half_posts.rows * (uint64_t)parts[i].half_posts.cols;
+    }
+    crew_run(filler->crew, chunks, run_chunk, &run);
 }
 
 static void add_heights(struct loader_update *update, const struct level_store *store,
@@ -187,16 +257,6 @@ static struct clipmap_window in_half_posts(struct clipmap_window window)
     return (struct clipmap_window){2 * window.row0, 2 * window.col0};
 }
 
-static int32_t smaller(int32_t a, int32_t b)
-{
-    return a < b ? a : b;
-}
-
-static int32_t greater(int32_t a, int32_t b)
-{
-    return a > b ? a : b;
-}
-
 /* Of a rectangle and a square window of `side`; rows or cols are 0 or less where they do not meet.
  */
 static struct clipmap_rect common_part(struct clipmap_rect rect, struct clipmap_window window,
@@ -208,26 +268,46 @@ static struct clipmap_rect common_part(struct clipmap_rect rect, struct clipmap_
     return (struct clipmap_rect){south, west, north - south, east - west};
 }
 
-static bool is_late(const struct window_filler *filler, const struct late_part *part)
+static int32_t cell_of(int32_t half_post)
 {
-    for (size_t i = 0; i < filler->late_count; i++)
-        if (memcmp(&filler->late[i], part, sizeof(*part)) == 0)
-            return true;
-    return false;
+    return half_post & ~(int32_t)(LATE_SIDE - 1);
 }
 
-/* Cuts a rectangle so that each part can be sampled again when its own tiles are there. With no
- * room left (the windows moved far while nothing came) a part stays coarse until it is left. */
+/* The late part in the same square of LATE_SIDE half-posts; NULL where there is none. */
+static struct late_part *late_part_at(struct window_filler *filler, int level, int32_t row,
+                                      int32_t col)
+{
+    for (size_t i = 0; i < filler->late_count; i++) {
+        struct late_part *part = &filler->late[i];
+        if (part->level == level && cell_of(part->half_posts.row0) == cell_of(row) &&
+            cell_of(part->half_posts.col0) == cell_of(col))
+            return part;
+    }
+    return NULL;
+}
+
+static struct clipmap_rect around_both(struct clipmap_rect a, struct clipmap_rect b)
+{
+    int32_t south = smaller(a.row0, b.row0), west = smaller(a.col0, b.col0);
+    int32_t north = greater(a.row0 + a.rows, b.row0 + b.rows);
+    int32_t east = greater(a.col0 + a.cols, b.col0 + b.cols);
+    return (struct clipmap_rect){south, west, north - south, east - west};
+}
+
+/* Cuts a rectangle by squares of LATE_SIDE half-posts, so that each part can be sampled again when
+ * its own tiles are there, and no two overlap. With no room left (the windows moved far while
+ * nothing came) a part stays coarse until it is left. */
 static void remember_late(struct window_filler *filler, int level, struct clipmap_rect rect)
 {
-    for (int r = 0; r < rect.rows; r += LATE_SIDE)
-        for (int c = 0; c < rect.cols; c += LATE_SIDE) {
-            struct late_part part = {.level = level,
-                                     .half_posts = {rect.row0 + r, rect.col0 + c,
-                                                    smaller(LATE_SIDE, rect.rows - r),
-                                                    smaller(LATE_SIDE, rect.cols - c)}};
-            if (filler->late_count < filler->late_capacity && !is_late(filler, &part))
-                filler->late[filler->late_count++] = part;
+    for (int32_t row = cell_of(rect.row0); row < rect.row0 + rect.rows; row += LATE_SIDE)
+        for (int32_t col = cell_of(rect.col0); col < rect.col0 + rect.cols; col += LATE_SIDE) {
+            struct clipmap_rect part =
+                common_part(rect, (struct clipmap_window){row, col}, LATE_SIDE);
+            struct late_part *there = late_part_at(filler, level, row, col);
+            if (there)
+                there->half_posts = around_both(there->half_posts, part);
+            else if (filler->late_count < filler->late_capacity)
+                filler->late[filler->late_count++] = (struct late_part){level, part};
         }
 }
 
@@ -251,12 +331,11 @@ static const struct level_store *coarser_than(const struct window_filler *filler
     return level + 1 < filler->shape.levels ? &filler->stores[level + 1] : NULL;
 }
 
-/* Brings one level to its new window and puts what it gained into the update. */
-static void move_level(struct window_filler *filler, int level, const struct clipmap_layout *layout,
-                       struct loader_update *update)
+/* Gives one level its new window. What it gains is appended to `parts`; returns their number. */
+static size_t plan_level(struct window_filler *filler, int level,
+                         const struct clipmap_layout *layout, struct filler_part *parts)
 {
     struct level_store *store = &filler->stores[level];
-    const struct level_store *coarser = coarser_than(filler, level);
     struct clipmap_window to = layout->windows[level];
     struct clipmap_rect rects[2];
     int side = level_half_posts(&filler->shape), count = 1;
@@ -267,15 +346,19 @@ static void move_level(struct window_filler *filler, int level, const struct cli
     store->window = to;
     store->lon_factor = layout->lon_factor;
     store->filled = true;
-    for (int i = 0; i < count; i++) {
-        if (sample_rect(filler, store, rects[i]))
-            remember_late(filler, level, rects[i]);
-        level_store_put(store, rects[i], filler->altitude_m, filler->undulation_m, filler->water);
-    }
-    for (int i = 0; i < count; i++) {
-        add_strip(update, store, coarser, level_store_grown(store, rects[i]));
-        level_store_bound(store, coarser, level_store_posts(rects[i]));
-    }
+    for (int i = 0; i < count; i++)
+        parts[i] = (struct filler_part){.level = level, .half_posts = rects[i]};
+    return (size_t)count;
+}
+
+/* Puts what a level gained into the update, once it is sampled and the coarser level's, too. */
+static void add_part(struct window_filler *filler, const struct filler_part *part,
+                     struct loader_update *update)
+{
+    struct level_store *store = &filler->stores[part->level];
+    const struct level_store *coarser = coarser_than(filler, part->level);
+    add_strip(update, store, coarser, level_store_grown(store, part->half_posts));
+    level_store_bound(store, coarser, level_store_posts(part->half_posts));
 }
 
 static void ground_below(struct window_filler *filler, struct loader_update *update)
@@ -320,11 +403,17 @@ void window_filler_move(struct window_filler *filler, const struct clipmap_layou
     filler->finest = finest;
     filler->placed = true;
     open_update(update);
-    for (int level = filler->shape.levels - 1; level >= 0; level--) {
-        if (level >= finest)
-            move_level(filler, level, layout, update);
-        else
-            filler->stores[level].filled = false;
+    struct filler_part parts[2 * CLIPMAP_MAX_LEVELS];
+    size_t count = 0;
+    for (int level = filler->shape.levels - 1; level >= finest; level--)
+        count += plan_level(filler, level, layout, parts + count);
+    for (int level = 0; level < finest; level++)
+        filler->stores[level].filled = false;
+    sample_parts(filler, parts, count);
+    for (size_t i = 0; i < count; i++) {
+        if (atomic_load(&parts[i].late))
+            remember_late(filler, parts[i].level, parts[i].half_posts);
+        add_part(filler, &parts[i], update);
     }
     forget_late(filler);
     filler->ground_lat_deg = lat_deg;
@@ -351,35 +440,28 @@ static void add_finer_heights(struct window_filler *filler, int level, struct cl
     level_store_bound(finer, &filler->stores[level], strip.posts);
 }
 
-/* True where the part is as good as the source has it now. */
-static bool refresh_part(struct window_filler *filler, const struct late_part *part,
-                         struct loader_update *update)
-{
-    struct level_store *store = &filler->stores[part->level];
-    const struct level_store *coarser = coarser_than(filler, part->level);
-    struct clipmap_rect posts = level_store_posts(part->half_posts);
-    bool late = sample_rect(filler, store, part->half_posts);
-    if (level_store_put(store, part->half_posts, filler->altitude_m, filler->undulation_m,
-                        filler->water)) {
-        add_strip(update, store, coarser, level_store_grown(store, part->half_posts));
-        level_store_bound(store, coarser, posts);
-        add_finer_heights(filler, part->level, posts, update);
-    }
-    return !late;
-}
-
 bool window_filler_refresh(struct window_filler *filler, struct loader_update *update,
                            size_t *ret_tried)
 {
     size_t tried = filler->late_count < REFRESH_PARTS ? filler->late_count : REFRESH_PARTS;
-    struct late_part parts[REFRESH_PARTS];
-    memcpy(parts, filler->late, tried * sizeof(*parts));
-    filler->late_count -= tried;
-    memmove(filler->late, filler->late + tried, filler->late_count * sizeof(*parts));
-    open_update(update);
+    struct filler_part parts[REFRESH_PARTS];
     for (size_t i = 0; i < tried; i++)
-        if (!refresh_part(filler, &parts[i], update))
-            filler->late[filler->late_count++] = parts[i];
+        parts[i] = (struct filler_part){.level = filler->late[i].level,
+                                        .half_posts = filler->late[i].half_posts};
+    filler->late_count -= tried;
+    memmove(filler->late, filler->late + tried, filler->late_count * sizeof(*filler->late));
+    open_update(update);
+    sample_parts(filler, parts, tried);
+    for (size_t i = 0; i < tried; i++) {
+        if (atomic_load(&parts[i].late))
+            filler->late[filler->late_count++] =
+                (struct late_part){parts[i].level, parts[i].half_posts};
+        if (atomic_load(&parts[i].changed)) {
+            add_part(filler, &parts[i], update);
+            add_finer_heights(filler, parts[i].level, level_store_posts(parts[i].half_posts),
+                              update);
+        }
+    }
     ground_below(filler, update);
     close_update(filler, update);
     *ret_tried = tried;

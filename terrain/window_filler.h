@@ -2,11 +2,12 @@
  * from the terrain source, and the strips for the renderer that follow from it.
  *
  * A source may answer with coarser heights than it has (TERRAIN_LATE). What was sampled so is
- * remembered and sampled again when the source has more. One thread. */
+ * remembered and sampled again when the source has more. One thread calls; it has helpers. */
 #pragma once
 
 #include "geo/geographic.h"
 #include "terrain/level_store.h"
+#include "terrain/parallel.h"
 #include "terrain/source.h"
 
 /* Part of a level that is coarser than the source has it. */
@@ -14,6 +15,8 @@ struct late_part {
     int level;
     struct clipmap_rect half_posts;
 };
+
+struct filler_scratch;
 
 struct window_filler {
     struct clipmap_shape shape;
@@ -25,17 +28,18 @@ struct window_filler {
     bool placed;
     double ground_lat_deg, ground_lon_deg; /* under the eye */
     bool patient;                          /* waits for late heights */
-    bool *water;
-    float *altitude_m, *fallback_m, *undulation_m; /* of a window's half-posts, scratch */
+    struct crew *crew;
+    struct filler_scratch *scratch; /* [crew_size] */
     struct late_part *late;
     size_t late_count, late_capacity;
     uint64_t posts_sampled;
 };
 
-/* Returns 0 or -ENOMEM; finish is legal after either. */
+/* Samples on `jobs` threads, the caller's among them. Returns 0 or -ENOMEM; finish is legal after
+ * either. */
 int window_filler_init(struct window_filler *filler, const struct clipmap_shape *shape,
                        struct terrain_source *source, struct terrain_source *fallback,
-                       struct geoid *geoid);
+                       struct geoid *geoid, unsigned jobs);
 void window_filler_finish(struct window_filler *filler);
 
 /* Moves all levels from `finest` on to `layout` and fills the update with what they gained; the

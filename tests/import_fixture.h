@@ -115,7 +115,7 @@ static inline struct comparison compare(const char *raster, const char *database
         }
     }
     free(line);
-    CHECK_INT(source->read_errors, 0);
+    CHECK_INT(terrain_source_counts(source).read_errors, 0);
     terrain_source_destroy(source);
     GDALClose(dataset);
     return result;

@@ -29,8 +29,8 @@ static void test_exact_posts(void)
                                         (double)(grid.col0 + c) * 2.0 * step);
         CHECK_INT(wrong, 0);
     }
-    CHECK_INT(source->read_errors, 0);
-    CHECK(source->tiles_loaded > 0);
+    CHECK_INT(terrain_source_counts(source).read_errors, 0);
+    CHECK(terrain_source_counts(source).tiles_loaded > 0);
     terrain_source_destroy(source);
 }
 
@@ -101,7 +101,7 @@ static void test_continuous(void)
             worst = fmax(worst, fabs(point_m(source, lat_deg, lon_deg) -
                                      (double)surface_m(lat_deg, lon_deg)));
     CHECK(worst < 25.0); /* bilinear between posts 16 km apart */
-    CHECK_INT(source->read_errors, 0);
+    CHECK_INT(terrain_source_counts(source).read_errors, 0);
     terrain_source_destroy(source);
 }
 
@@ -137,7 +137,7 @@ static void test_void(void)
     CHECK(!isnan(point_m(source, 63.74, -22.0)));
     CHECK(isnan(point_m(source, 10.0, 10.0)));
     CHECK(isnan(point_m(source, 65.9, -22.0)));
-    CHECK_INT(source->read_errors, 0);
+    CHECK_INT(terrain_source_counts(source).read_errors, 0);
     terrain_source_destroy(source);
 }
 
@@ -157,7 +157,7 @@ static void test_bad_tile_falls_back(void)
         /* Inside the bad tile, and on a post of the parent. */
         double height_m = point_m(source, 61.3, -21.8);
         CHECK_NEAR(height_m, (double)surface_m(61.3, -21.8), i == 2 ? 40.0 : 12.0);
-        CHECK(source->read_errors > 0);
+        CHECK(terrain_source_counts(source).read_errors > 0);
         terrain_source_destroy(source);
     }
 }

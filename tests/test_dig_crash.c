@@ -254,7 +254,7 @@ static void test_damaged_stamp(void)
     CHECK_CONTAINS(diag.text, "stamp 2 is damaged");
     struct terrain_source *source = open_source(path); /* readers go on, and count it */
     point_m(source, 60.0, -22.0);
-    CHECK_INT(source->read_errors, 1);
+    CHECK_INT(terrain_source_counts(source).read_errors, 1);
     terrain_source_destroy(source);
     CHECK_INT(faults_of(path, NULL), 1);
     run_sql(path, "DELETE FROM stamps WHERE id = 2");

@@ -68,7 +68,7 @@ static void test_real_coast(void)
     terrain_source_destroy(source);
     check_run(run("--verify '%s' '%s' --json", in("coast.db"), data("terrain/N43E007.hgt.zip")), 0);
     CHECK_CONTAINS(output, "\"exact\": true");
-    CHECK_CONTAINS(output, "\"elsewhere\": 0, \"beyond\": 0, \"worst_m\": 0,");
+    CHECK_CONTAINS(output, "\"elsewhere\": 0, \"beyond\": 0, \"worst_m\": 0.0,");
     check_run(run("--verify '%s' '%s' --json", in("coast.db"), data("terrain/etopo5.tif")), 0);
 }
 

@@ -120,17 +120,64 @@ static void test_resume(void)
     CHECK_CONTAINS(diag.text, "not complete");
 }
 
+/* Begins an import of big.tif, which holds the lock when this returns. */
+static pid_t begin_import(const char *database)
+{
+    char lock[600];
+    pid_t child = fork();
+    if (child == 0) {
+        execl(getenv("OTWD_IMPORT"), "otwd-import", in("big.tif"), "-o", database, "-q", "-j", "1",
+              (char *)NULL);
+        _exit(127);
+    }
+    snprintf(lock, sizeof(lock), "%s.lock", database);
+    for (int i = 0; i < 500 && access(lock, F_OK) != 0; i++)
+        usleep(1000);
+    CHECK(access(lock, F_OK) == 0);
+    return child;
+}
+
+/* The second is refused at once, while the first reads its source and while it stores. */
+static void test_race(void)
+{
+    char expected[64];
+    int status = -1;
+    pid_t first = begin_import(in("raced.db"));
+    snprintf(expected, sizeof(expected), "being written by process %ld", (long)first);
+    check_run(run("'%s' -o '%s' -q", in("hills.tif"), in("raced.db")), 75);
+    CHECK_CONTAINS(output, "raced.db is being written by");
+    for (int i = 0; i < 1000 && access(in("raced.db.part"), F_OK) != 0; i++)
+        usleep(10000);
+    check_run(run("'%s' -o '%s' -q", in("hills.tif"), in("raced.db")), 75);
+    CHECK_CONTAINS(output, expected);
+    waitpid(first, &status, 0);
+    CHECK(WIFEXITED(status) && WEXITSTATUS(status) == 0);
+    CHECK(same_bytes(in("raced.db"), in("whole.db")));
+    CHECK(access(in("raced.db.lock"), F_OK) != 0);
+}
+
+/* What a killed import leaves of its lock is a name; nobody has to remove it. */
+static void test_killed_lock(void)
+{
+    remove_part(in("locked.db"));
+    pid_t child = begin_import(in("locked.db"));
+    kill(child, SIGKILL);
+    waitpid(child, NULL, 0);
+    CHECK(access(in("locked.db.lock"), F_OK) == 0);
+    check_run(run("'%s' -o '%s' -q", in("big.tif"), in("locked.db")), 0);
+    CHECK(same_bytes(in("locked.db"), in("whole.db")));
+    CHECK(access(in("locked.db.lock"), F_OK) != 0);
+}
+
 /* As `run`, where no file may grow beyond so many bytes: what a full disk does, without one. */
 static int run_with_limit(rlim_t bytes, const char *source, const char *database)
 {
     struct rlimit old;
     CHECK_INT(getrlimit(RLIMIT_FSIZE, &old), 0);
     struct rlimit limit = {bytes, old.rlim_max};
-    signal(SIGXFSZ, SIG_IGN);
     CHECK_INT(setrlimit(RLIMIT_FSIZE, &limit), 0);
     int status = run("'%s' -o '%s' -q", in(source), in(database));
     CHECK_INT(setrlimit(RLIMIT_FSIZE, &old), 0);
-    signal(SIGXFSZ, SIG_DFL);
     return status;
 }
 
@@ -144,6 +191,8 @@ static void test_failed_addition(void)
     CHECK_CONTAINS(output, "cut.tif cannot be read");
     CHECK_INT(verify(in("added.db")), 0);
     check_run(run_with_limit(44 << 10, "beside.tif", "added.db"), 74); /* among the tiles */
+    CHECK_CONTAINS(output, "added.db.part: File too large after ");
+    CHECK_CONTAINS(output, " bytes free beside it");
     CHECK(access(in("added.db.part"), F_OK) == 0);
     CHECK_INT(verify(in("added.db")), 0);
     check_run(run("'%s' -o '%s' -q", in("hills.tif"), in("added.db")), 64);
@@ -158,6 +207,8 @@ static const struct check_test tests[] = {
     {"the bytes do not depend on the number of threads", test_same_bytes},
     {"shards make the database of a single import", test_shards},
     {"an import that is killed anywhere ends in the same bytes", test_resume},
+    {"of two imports into one database the second is refused", test_race},
+    {"the lock of a killed import does not stay", test_killed_lock},
     {"a failed addition leaves the database as it was, and goes on", test_failed_addition},
 };
 

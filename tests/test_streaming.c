@@ -6,6 +6,7 @@
 
 #include "base/clock.h"
 #include "terrain/loader.h"
+#include "terrain/planet.h"
 #include "terrain/tile_cache.h"
 #include "tests/database_fixture.h"
 
@@ -36,8 +37,8 @@ static void what_is_late_is_coarser_at_first(void)
     CHECK_INT(patient->ops->sample_grid(patient, &place, known), 0);
     CHECK_INT(source->ops->stream(source, on_arrival, NULL, &diag), 0);
     CHECK_INT(source->ops->sample_grid(source, &place, first), TERRAIN_LATE);
-    CHECK(source->tile_misses > 0);
-    CHECK(source->tiles_pending > 0);
+    CHECK(terrain_source_counts(source).tile_misses > 0);
+    CHECK(terrain_source_counts(source).tiles_pending > 0);
     int r = TERRAIN_LATE;
     for (int i = 0; r == TERRAIN_LATE && i < 20; i++) {
         source->ops->settle(source);
@@ -45,9 +46,9 @@ static void what_is_late_is_coarser_at_first(void)
     }
     CHECK_INT(r, 0);
     CHECK(memcmp(last, known, sizeof(known)) == 0);
-    CHECK(source->tile_hits > 0);
-    CHECK_INT(source->tiles_pending, 0);
-    CHECK(source->longest_late_ms > 0.0);
+    CHECK(terrain_source_counts(source).tile_hits > 0);
+    CHECK_INT(terrain_source_counts(source).tiles_pending, 0);
+    CHECK(terrain_source_counts(source).longest_late_ms > 0.0);
     CHECK(atomic_load(&arrivals) > 0);
     terrain_source_destroy(source);
     terrain_source_destroy(patient);
@@ -71,8 +72,8 @@ static void what_was_asked_for_ahead_is_there(void)
     }
     CHECK(seen > before);
     CHECK_INT(source->ops->sample_grid(source, &place, heights), 0);
-    CHECK_INT(source->tile_misses, 0);
-    CHECK(source->prefetched > 0);
+    CHECK_INT(terrain_source_counts(source).tile_misses, 0);
+    CHECK(terrain_source_counts(source).prefetched > 0);
     terrain_source_destroy(source);
 }
 
@@ -177,12 +178,14 @@ static void take_updates(struct picture *picture)
     }
 }
 
-static void open_picture(struct picture *picture)
+static void open_picture(struct picture *picture, unsigned samplers)
 {
     struct diag diag = {""};
     size_t texels =
         (size_t)shape.levels * (size_t)clipmap_storage(&shape) * (size_t)clipmap_storage(&shape);
-    struct loader_params params = {.shape = shape, .source = open_source(path_of("exact.db"))};
+    struct loader_params params = {
+        .shape = shape, .source = open_source(path_of("exact.db")), .samplers = samplers};
+    CHECK_INT(planet_open(&params.fallback, &diag), 0);
     for (int i = 0; i < LOADER_UPDATES; i++)
         params.arenas[i] = picture->arenas[i] = malloc(loader_arena_bytes(&shape));
     picture->heights = calloc(texels, sizeof(*picture->heights));
@@ -237,12 +240,13 @@ static void wish_for(struct picture *picture, int step, bool patient)
     loader_wish(picture->loader, 60.0 + 0.003 * step, -22.6 + 0.001 * step, 0, patient);
 }
 
-/* One picture waits for every tile; the other never does. */
+/* One picture waits for every tile and is sampled by one thread; the other never waits and is
+ * sampled by four. */
 static void a_flight_that_outruns_its_tiles_ends_in_the_same_terrain(void)
 {
     struct picture patient = {NULL}, hasty = {NULL};
-    open_picture(&patient);
-    open_picture(&hasty);
+    open_picture(&patient, 1);
+    open_picture(&hasty, 4);
     wish_for(&hasty, 0, false);
     for (int i = 0; hasty.layout.lon_factor == 0.0 && i < 5000; i++, nap())
         take_updates(&hasty);
