@@ -62,6 +62,9 @@ static void check_terrain(struct document *document, const struct config_terrain
     if (!terrain->geoid[0])
         document_complain(document, document_get(document, node, "geoid", NULL),
                           "terrain.geoid is empty; it must be egm96 or the path of a geoid grid");
+    if (terrain->allow_dig && !terrain->database[0])
+        document_complain(document, document_get(document, node, "allow_dig", NULL),
+                          "terrain.allow_dig: there is no terrain.database to dig in");
 }
 
 static void check_environment(struct document *document, struct config_environment *environment)

@@ -64,6 +64,7 @@ struct config_terrain {
     double pixel_error;             /* pixels */
     unsigned cache_mib;             /* of decoded tiles of the database */
     enum config_technique technique;
+    bool allow_dig; /* sources may change the ground of the database for good */
 };
 
 struct config_environment {

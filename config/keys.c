@@ -27,6 +27,7 @@ static const struct config_key keys[] = {
     {"terrain.pixel_error", "1.0", 0.1, 100, "pixels"},
     {"terrain.technique", "clipmap"},
     {"terrain.cache_mib", "256", 16, 65536, "MiB"},
+    {"terrain.allow_dig", "false"},
     {"environment.visibility_m", "40000", 10, 655350, "m"},
     {"environment.time_utc", ""},
     {"environment.atmosphere", "true"},

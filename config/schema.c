@@ -63,6 +63,7 @@ static const cyaml_schema_field_t terrain_fields[] = {
     CYAML_FIELD_UINT("cache_mib", OPTIONAL, struct config_terrain, cache_mib),
     CYAML_FIELD_ENUM("technique", WORD, struct config_terrain, technique, technique_words,
                      CYAML_ARRAY_LEN(technique_words)),
+    CYAML_FIELD_BOOL("allow_dig", OPTIONAL, struct config_terrain, allow_dig),
     CYAML_FIELD_END,
 };
 

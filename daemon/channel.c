@@ -8,6 +8,7 @@
 #include "daemon/terrain_setup.h"
 #include "geo/sun.h"
 #include "render/window.h"
+#include "terrain/database.h"
 
 #define NEAR_M 0.5
 
@@ -29,6 +30,8 @@ static int create_renderer(struct channel *channel, const struct channel_params 
         terrain_setup_open(params->terrain_path, params->geoid, params->cache_mib, &terrain, diag);
     if (r < 0)
         return r;
+    if (params->dig && dig_of_source(terrain.source))
+        database_source_share_dig(terrain.source, params->dig);
     struct terrain_facts facts;
     terrain.source->ops->facts(terrain.source, &facts);
     struct renderer_params renderer = {

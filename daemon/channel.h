@@ -6,6 +6,7 @@
 #include "render/context.h"
 #include "render/renderer.h"
 
+struct dig;
 struct window;
 
 struct channel_params {
@@ -16,6 +17,7 @@ struct channel_params {
     const char *technique;    /* "clipmap" */
     double pixel_error;
     unsigned cache_mib; /* of decoded tiles of the database */
+    struct dig *dig; /* what another thread digs in it, shown at once; NULL = what is in the file */
     double visibility_m;
     struct window *window; /* shows the frames too; NULL = headless */
 };

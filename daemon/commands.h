@@ -6,6 +6,7 @@
 #include "daemon/status.h"
 
 int bench_main(int argc, char **argv);
+int dig_main(int argc, char **argv);
 int import_main(int argc, char **argv);
 int merge_main(int argc, char **argv);
 int info_main(int argc, char **argv);

@@ -12,6 +12,7 @@
 #include "daemon/bench_codec.h"
 #include "daemon/cli.h"
 #include "daemon/import_report.h"
+#include "daemon/import_stamp.h"
 #include "terrain/image_encode.h"
 
 static volatile sig_atomic_t stop_asked;
@@ -102,6 +103,8 @@ int main(int argc, char **argv)
     argp_program_version = "otwd-import " OTWD_VERSION;
     if (argc > 1 && strcmp(argv[1], "--bench-codec") == 0)
         return close_output(bench_codec_main(argc - 1, argv + 1));
+    if (argc > 1 && strcmp(argv[1], "--stamp") == 0)
+        return close_output(stamp_main(argc - 1, argv + 1));
     struct arguments arguments = {.import = {.fill_posts = IMPORT_FILL_DEFAULT},
                                   .imagery = {.quality = IMAGE_QUALITY_DEFAULT}};
     struct diag diag = {.text = ""};

@@ -60,6 +60,10 @@ static void print_info(const struct database_info *info)
         printf("level %-2d      %llu tiles, %llu bytes, error at most %.1f m\n", level,
                (unsigned long long)info->level[level].tiles,
                (unsigned long long)info->level[level].bytes, info->level[level].error_m);
+    if (info->stamps + info->stamps_undone)
+        printf("dug           %llu stamps (%llu more undone), %llu tiles, %llu bytes\n",
+               (unsigned long long)info->stamps, (unsigned long long)info->stamps_undone,
+               (unsigned long long)info->dug_tiles, (unsigned long long)info->dug_bytes);
     for (size_t i = 0; i < info->source_count; i++) {
         const struct database_source_info *s = &info->sources[i];
         printf("source        %s, %d x %d, %s, priority %d, %s\n", s->name, s->width, s->height,
@@ -160,14 +164,17 @@ static int print_json(struct database *database, const struct database_info *inf
                                                 (json_int_t)info->level[level].bytes, "error_m",
                                                 info->level[level].error_m));
     json_t *root = json_pack(
-        "{s:o,s:i,s:f,s:{s:f,s:f,s:f,s:f},s:f,s:f,s:f,s:f,s:f,s:I,s:I,s:f,s:o,s:o,s:o}", "path",
-        cli_json_text(info->path), "format", info->version, "posts_per_degree",
+        "{s:o,s:i,s:f,s:{s:f,s:f,s:f,s:f},s:f,s:f,s:f,s:f,s:f,s:I,s:I,s:f,s:o,s:o,s:o,s:{s:I,s:I,s:"
+        "I,s:I}}",
+        "path", cli_json_text(info->path), "format", info->version, "posts_per_degree",
         info->grid.posts_per_degree, "extent_deg", "south", info->south_deg, "west", info->west_deg,
         "north", info->north_deg, "east", info->east_deg, "lat_step_deg", info->finest_lat_step_deg,
         "lon_step_deg", info->finest_lon_step_deg, "min_m", info->min_m, "max_m", info->max_m,
         "max_error_m", info->max_error_m, "posts", (json_int_t)info->posts, "file_bytes",
         (json_int_t)info->file_bytes, "bytes_per_post", info->bytes_per_post, "levels", levels,
-        "sources", json_sources(info), "layers", imagery);
+        "sources", json_sources(info), "layers", imagery, "dug", "stamps", (json_int_t)info->stamps,
+        "undone", (json_int_t)info->stamps_undone, "tiles", (json_int_t)info->dug_tiles, "bytes",
+        (json_int_t)info->dug_bytes);
     json_dumpf(root, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(12));
     putchar('\n');
     json_decref(root);

@@ -20,6 +20,7 @@ static const struct command commands[] = {
     {"run", run_main, "the daemon in the foreground"},
     {"replay", replay_main, "a recorded flight, headless"},
     {"demo", demo_main, "the embedded flight over the embedded terrain"},
+    {"dig", dig_main, "change the ground of a terrain database for good"},
     {"import", import_main, "GDAL rasters into a terrain database"},
     {"merge", merge_main, "the shards of an import into one terrain database"},
     {"info", info_main, "what a terrain database holds"},

@@ -198,6 +198,9 @@ static int start_render(struct service *service, struct diag *diag)
     int r = choose_terrain(service, &params.channel, &start, diag);
     if (r < 0)
         return r;
+    service_open_dig(service, params.channel.terrain_path);
+    if (service->dig)
+        params.channel.dig = dig_thread_ground(service->dig);
     service->follow_clock = config->environment.time_utc_ns == 0;
     service->input = (struct render_input){
         .pose = start,
@@ -280,6 +283,7 @@ void service_destroy(struct service *service)
     sources_close(service);
     if (render_thread_stop(service->render, &diag) < 0)
         log_error("a snapshot was not written: %s", diag.text);
+    dig_thread_stop(service->dig); /* nobody draws its ground any more */
     service_modbus_close(service);
     recorder_close(service->recorder);
     window_guarded = false;

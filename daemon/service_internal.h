@@ -3,6 +3,7 @@
 
 #include <systemd/sd-event.h>
 
+#include "daemon/dig_thread.h"
 #include "daemon/health_collect.h"
 #include "daemon/log.h"
 #include "daemon/recorder.h"
@@ -59,6 +60,7 @@ struct service {
     struct render_thread *render;
     struct render_input input; /* as published last */
     bool rendering;            /* its channel runs */
+    struct dig_thread *dig;    /* NULL where nobody may dig, or nobody can */
     struct recorder *recorder;
     struct modbus_server *modbus;
     sd_event_source *modbus_event;
@@ -92,6 +94,13 @@ void sources_tick(struct service *service, nsec_t now_ns);
 void sources_close(struct service *service);
 /* Fills what the sources tell. */
 void sources_fill(const struct service *service, nsec_t now_ns, struct health *health);
+
+/* service_dig.c */
+/* Opens the database for digging where the configuration allows it; where that fails, a fault. */
+void service_open_dig(struct service *service, const char *database);
+/* Hands a request on, or answers why not. */
+void service_dig(struct source_slot *slot, const struct dig_message *request,
+                 const union address *sender);
 
 /* service_health.c */
 void health_tick(struct service *service, nsec_t now_ns);

@@ -98,11 +98,20 @@ static void note_overrun(struct source_slot *slot, nsec_t now_ns)
     slot->overrun_ns = now_ns;
 }
 
+static void on_dig(void *context, struct pose_source *source, const struct dig_message *message,
+                   const union address *sender)
+{
+    service_dig(context, message, sender);
+}
+
 static int on_readable(sd_event_source *event, int fd, uint32_t revents, void *data)
 {
     struct source_slot *slot = data;
-    const struct pose_source_events events = {
-        .context = slot, .pose = on_pose, .packet = on_packet, .trouble = on_trouble};
+    const struct pose_source_events events = {.context = slot,
+                                              .pose = on_pose,
+                                              .packet = on_packet,
+                                              .dig = on_dig,
+                                              .trouble = on_trouble};
     nsec_t now_ns = clock_monotonic_ns();
     pose_source_dispatch(slot->source, now_ns, &events);
     uint64_t refused = refused_count(slot->source);

@@ -9,13 +9,11 @@
 #include <sys/timerfd.h>
 #include <unistd.h>
 
-#include "io/udp.h"
-
 #define TIMEOUT_DEFAULT_NS (500 * NSEC_PER_MSEC)
 #define BURST_DEFAULT      256
 #define NODE_DEFAULT       64
 #define RETRY_TICK_NS      (100 * NSEC_PER_MSEC)
-#define DATAGRAM_MAX       2048
+#define DATAGRAM_MAX       DIG_MESSAGE_MAX
 #define ID_IDENTIFY        128
 
 struct pose_source {
@@ -181,6 +179,32 @@ static void refuse_sender(struct pose_source *source, nsec_t now_ns,
     tell(source, now_ns, events, text);
 }
 
+/* True where the datagram is no pose but a request to dig. */
+static bool take_request(struct pose_source *source, nsec_t now_ns,
+                         const struct pose_source_events *events, const uint8_t *data,
+                         const struct datagram *datagram)
+{
+    struct dig_message message;
+    struct diag diag;
+    if (source->intake.params.protocol != POSE_PROTOCOL_NATIVE ||
+        !dig_message_recognises(data, datagram->size))
+        return false;
+    int r = events->dig ? dig_message_decode(data, datagram->size, &message, &diag)
+                        : diag_set(&diag, -EACCES, "digging is not allowed (terrain.allow_dig)");
+    if (r == 0 && message.kind == DIG_ANSWER)
+        r = diag_set(&diag, -EBADMSG, "an answer that nobody asked for");
+    if (r == 0) {
+        events->dig(events->context, source, &message, &datagram->sender);
+        return true;
+    }
+    source->intake.counters.received++;
+    source->intake.counters.rejected[REJECT_FIELD]++;
+    char text[sizeof(diag.text) + 64];
+    snprintf(text, sizeof(text), "packet refused (field): %s", diag.text);
+    tell(source, now_ns, events, text);
+    return true;
+}
+
 static void dispatch_udp(struct pose_source *source, nsec_t now_ns,
                          const struct pose_source_events *events)
 {
@@ -196,6 +220,8 @@ static void dispatch_udp(struct pose_source *source, nsec_t now_ns,
             refuse_sender(source, now_ns, events, &datagram.sender);
             continue;
         }
+        if (take_request(source, now_ns, events, buffer, &datagram))
+            continue;
         if (events->packet)
             events->packet(events->context, source, buffer, datagram.size, datagram.receive_ns);
         struct pose pose;
@@ -243,6 +269,15 @@ void pose_source_dispatch(struct pose_source *source, nsec_t now_ns,
         dispatch_can(source, now_ns, events);
     else
         dispatch_udp(source, now_ns, events);
+}
+
+void pose_source_answer(struct pose_source *source, const union address *sender,
+                        const struct dig_message *answer)
+{
+    uint8_t data[DIG_MESSAGE_MAX];
+    size_t size = dig_message_encode(answer, data);
+    if (size > 0)
+        udp_send_to(&source->udp, sender, data, size);
 }
 
 int pose_source_fd(const struct pose_source *source)

@@ -4,7 +4,9 @@
 
 #include "base/diag.h"
 #include "io/can_bus.h"
+#include "io/dig_message.h"
 #include "io/intake.h"
+#include "io/udp.h"
 
 #define POSE_SOURCE_NAME_MAX 32
 
@@ -30,6 +32,11 @@ struct pose_source_events {
     /* What came in from an allowed sender, before decoding: a datagram, or a struct can_frame. */
     void (*packet)(void *context, struct pose_source *source, const void *data, size_t size,
                    nsec_t receive_ns);
+    /* A request to dig (of native sources), from an allowed sender: to be answered by
+     * pose_source_answer() once it is on the disk. The message lives as long as the call. NULL:
+     * such requests are refused. */
+    void (*dig)(void *context, struct pose_source *source, const struct dig_message *message,
+                const union address *sender);
     /* A refusal or a fault in one sentence that names the source; at most one a second. */
     void (*trouble)(void *context, struct pose_source *source, const char *sentence);
 };
@@ -50,6 +57,10 @@ int pose_source_fd(const struct pose_source *source);
 /* Takes what waits, up to the burst. */
 void pose_source_dispatch(struct pose_source *source, nsec_t now_ns,
                           const struct pose_source_events *events);
+
+/* Answers a request to dig. Where it is lost, the sender asks again. */
+void pose_source_answer(struct pose_source *source, const union address *sender,
+                        const struct dig_message *answer);
 
 const char *pose_source_name(const struct pose_source *source);
 unsigned pose_source_priority(const struct pose_source *source);

@@ -103,3 +103,13 @@ int udp_send(struct udp *udp, const void *data, size_t size)
     while (n < 0 && errno == EINTR);
     return n < 0 ? -errno : 0;
 }
+
+int udp_send_to(struct udp *udp, const union address *peer, const void *data, size_t size)
+{
+    ssize_t n;
+    do
+        n = sendto(udp->fd, data, size, MSG_DONTWAIT | MSG_NOSIGNAL, (const struct sockaddr *)peer,
+                   address_length(peer));
+    while (n < 0 && errno == EINTR);
+    return n < 0 ? -errno : 0;
+}

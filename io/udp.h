@@ -35,3 +35,5 @@ int udp_receive(struct udp *udp, void *buffer, size_t capacity, struct datagram 
 /* Sends one datagram to the connected peer. Returns 0 or -errno; -ECONNREFUSED means that a former
  * one found nobody listening. */
 int udp_send(struct udp *udp, const void *data, size_t size);
+/* The same to any peer, from a socket that listens. */
+int udp_send_to(struct udp *udp, const union address *peer, const void *data, size_t size);

@@ -18,6 +18,15 @@ static void immutable_uri(const char *path, char *ret_uri, size_t size)
     snprintf(ret_uri + used, size - used, "?immutable=1");
 }
 
+/* A program that digs is at work, or was killed. */
+static bool has_journal(const char *path)
+{
+    char wal[DATABASE_NAME_MAX + 8];
+    struct stat status;
+    snprintf(wal, sizeof(wal), "%s-wal", path);
+    return stat(wal, &status) == 0 && status.st_size > 0;
+}
+
 /* A database left in WAL mode cannot be opened in a directory where no shared memory file can be
  * made; SQLite then says so on the first read, and immutable is the way in. */
 static int open_read_only(struct database *database, struct diag *diag)
@@ -28,6 +37,11 @@ static int open_read_only(struct database *database, struct diag *diag)
         r = sqlite3_exec(database->sql, "SELECT count(*) FROM sqlite_master", NULL, NULL, NULL);
     if ((r & 0xff) == SQLITE_CANTOPEN || (r & 0xff) == SQLITE_READONLY) {
         char uri[3 * DATABASE_NAME_MAX + 32];
+        if (has_journal(database->path))
+            return diag_set(diag, -EACCES,
+                            "%s: what was dug in it last is in a file beside it (-wal), which can "
+                            "only be read where the directory can be written",
+                            database->path);
         immutable_uri(database->path, uri, sizeof(uri));
         sqlite3_close(database->sql);
         r = sqlite3_open_v2(uri, &database->sql,

@@ -86,8 +86,10 @@ struct database_info {
     struct database_level_info level[GRID_LEVELS_MAX];
     uint64_t posts; /* with data, on the finest level that is there, shared borders counted once */
     uint64_t file_bytes;
-    uint64_t image_bytes;  /* of the file, tiles of imagery */
-    double bytes_per_post; /* the rest of the file over posts */
+    uint64_t image_bytes;           /* of the file, tiles of imagery */
+    uint64_t stamps, stamps_undone; /* dug: terrain/dig_writer.h */
+    uint64_t dug_tiles, dug_bytes;  /* the latter of the file, stamps and tiles */
+    double bytes_per_post;          /* the rest of the file over posts */
     size_t source_count;
     struct database_source_info *sources; /* owned */
 };
@@ -130,3 +132,9 @@ int database_source_open(const char *path, unsigned cache_tiles, struct terrain_
 struct database *database_of_source(struct terrain_source *source);
 /* Its decoded tiles, which other threads may share once it streams; borrowed. */
 struct tile_cache *tile_cache_of_source(struct terrain_source *source);
+
+struct dig;
+/* What was dug in it, which other threads may share; borrowed. */
+struct dig *dig_of_source(struct terrain_source *source);
+/* Lets a source show what another thread digs in its database; borrowed. Before it streams. */
+void database_source_share_dig(struct terrain_source *source, struct dig *dig);

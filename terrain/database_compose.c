@@ -10,6 +10,7 @@
 #include "terrain/database_cursor.h"
 #include "terrain/database_layers.h"
 #include "terrain/database_writer.h"
+#include "terrain/dig_store.h"
 
 /* Decision 0006 has the measurements: payloads lie one behind the other in packs, because what the
  * last page of a row leaves free is lost; small pages, because every table loses half of one. */
@@ -139,6 +140,8 @@ int database_compose(const char *path, struct database *const parts[], size_t co
         r = copy_tiles(output, parts, count, diag);
     if (r == 0)
         r = database_copy_images(output, parts, count, diag);
+    for (size_t i = 0; r == 0 && i < count; i++)
+        r = dig_store_copy(output, parts[i], diag);
     if (r == 0)
         r = database_seal_meta(output, diag);
     if (r == 0)

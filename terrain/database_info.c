@@ -8,6 +8,7 @@
 #include "terrain/database_extent.h"
 #include "terrain/database_internal.h"
 #include "terrain/database_writer.h"
+#include "terrain/dig_store.h"
 
 void database_extent_add(struct database_extent *extent, double south_deg, double west_deg,
                          double north_deg, double east_deg)
@@ -148,9 +149,12 @@ int database_info(struct database *database, struct database_info *ret_info, str
                                  .step_m = database->step_m};
     snprintf(info.path, sizeof(info.path), "%s", database->path);
     struct database_extent extent;
+    struct dig_counts dug;
     int r = fill_levels(database, &info, diag);
     if (r == 0 && database->has_images)
         r = sum_images(database, &info.image_bytes, diag);
+    if (r == 0)
+        r = dig_store_count(database, &dug, diag);
     if (r == 0)
         r = database_extent_of(database, &extent, diag);
     if (r == 0)
@@ -165,11 +169,16 @@ int database_info(struct database *database, struct database_info *ret_info, str
     info.east_deg = extent.east_deg;
     info.finest_lat_step_deg = grid_lat_step_deg(&database->grid, 0);
     info.finest_lon_step_deg = database_extent_lon_step_deg(&database->grid, &extent);
+    info.stamps = dug.stamps;
+    info.stamps_undone = dug.undone;
+    info.dug_tiles = dug.tiles;
+    info.dug_bytes = dug.bytes;
     struct stat status;
     if (stat(database->path, &status) == 0)
         info.file_bytes = (uint64_t)status.st_size;
-    info.bytes_per_post =
-        info.posts ? (double)(info.file_bytes - info.image_bytes) / (double)info.posts : 0.0;
+    uint64_t others = info.image_bytes + info.dug_bytes; /* a journal may be beside the file */
+    if (info.posts && info.file_bytes > others)
+        info.bytes_per_post = (double)(info.file_bytes - others) / (double)info.posts;
     *ret_info = info;
     return 0;
 }

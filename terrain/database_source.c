@@ -13,6 +13,7 @@
 
 #include "terrain/database_extent.h"
 #include "terrain/database_internal.h"
+#include "terrain/dig.h"
 #include "terrain/parallel.h"
 #include "terrain/surface.h"
 #include "terrain/tile_cache.h"
@@ -29,6 +30,7 @@ struct database_source {
     struct terrain_source source;
     struct database *database;
     struct tile_cache *cache;
+    struct dig *dig, *own_dig; /* the latter where it is not shared */
     struct terrain_facts facts;
     bool streams; /* tiles are pinned, not waited for */
     double focus_lat_deg, focus_lon_deg;
@@ -257,6 +259,13 @@ static void fill_columns(struct sampling *sampling, const struct terrain_grid *g
                  ret_height_m + (size_t)row * (size_t)grid->cols);
 }
 
+/* Dug tiles come before what only lies ahead, and after what is under the eye. */
+static struct dig_ground ground_of(const struct database_source *source)
+{
+    return (struct dig_ground){
+        .cache = source->cache, .wait = !source->streams, .rank = -RANK_PER_LEVEL};
+}
+
 static int source_sample_grid(struct terrain_source *terrain_source,
                               const struct terrain_grid *grid, float *ret_height_m)
 {
@@ -270,6 +279,10 @@ static int source_sample_grid(struct terrain_source *terrain_source,
                                   grid->cols - col < COLUMNS_MAX ? grid->cols - col : COLUMNS_MAX};
         fill_columns(&sampling, grid, &columns, ret_height_m + col);
     }
+    if (dig_any(source->dig)) {
+        struct dig_ground ground = ground_of(source);
+        sampling.late |= dig_sample_grid(source->dig, &ground, grid, ret_height_m);
+    }
     return sampling.late ? TERRAIN_LATE : 0;
 }
 
@@ -278,6 +291,13 @@ static int source_sample_point(struct terrain_source *terrain_source, double lat
 {
     if (!isfinite(lat_deg) || !isfinite(lon_deg) || fabs(lat_deg) > 90.0 || fabs(lon_deg) > 1e6)
         return -EINVAL;
+    struct dig_ground ground = ground_of(of(terrain_source));
+    struct dig *dig = of(terrain_source)->dig;
+    struct dig_cell cell;
+    if (dig_any(dig) && dig_cell_at(dig, &ground, lat_deg, lon_deg, &cell)) {
+        *ret_height_m = (double)surface_height_m(&cell.place, cell.south_m, cell.north_m);
+        return 0;
+    }
     struct sampling sampling = {.source = of(terrain_source), .level = 0};
     float height_m, lines[2];
     struct columns columns = {lon_deg, 0.0, 1};
@@ -293,7 +313,7 @@ static void source_counts(struct terrain_source *terrain_source, struct terrain_
     tile_cache_counts(of(terrain_source)->cache, &counts);
     *ret_counts = (struct terrain_counts){
         .tiles_loaded = counts.loaded,
-        .read_errors = counts.errors,
+        .read_errors = counts.errors + dig_errors(of(terrain_source)->dig),
         .tile_hits = counts.hits,
         .tile_misses = counts.late,
         .prefetched = counts.prefetched,
@@ -311,6 +331,8 @@ static int source_stream(struct terrain_source *terrain_source, void (*arrived)(
     unsigned workers = processors < 4 ? 1 : processors < 16 ? processors / 4 : 4;
     int r = tile_cache_start(source->cache, workers, arrived, user, diag);
     source->streams = r == 0;
+    if (r == 0)
+        dig_listen(source->dig, arrived, user);
     return r;
 }
 
@@ -354,6 +376,16 @@ static void source_prefetch(struct terrain_source *terrain_source, const struct 
         prefetch_tile_row(source, level, row, grid);
 }
 
+static bool source_changed(struct terrain_source *terrain_source, struct terrain_rect *ret_rect)
+{
+    struct stamp_extent extent;
+    if (!dig_take_change(of(terrain_source)->dig, &extent))
+        return false;
+    *ret_rect =
+        (struct terrain_rect){extent.south_deg, extent.west_deg, extent.north_deg, extent.east_deg};
+    return true;
+}
+
 static void source_facts(const struct terrain_source *terrain_source,
                          struct terrain_facts *ret_facts)
 {
@@ -363,6 +395,9 @@ static void source_facts(const struct terrain_source *terrain_source,
 static void source_destroy(struct terrain_source *terrain_source)
 {
     struct database_source *source = of(terrain_source);
+    if (source->dig)
+        dig_listen(source->dig, NULL, NULL);
+    dig_close(source->own_dig);
     tile_cache_destroy(source->cache);
     database_close(source->database);
     free(source);
@@ -377,6 +412,7 @@ static const struct terrain_source_ops database_source_ops = {
     .settle = source_settle,
     .prefetch = source_prefetch,
     .focus = source_focus,
+    .changed = source_changed,
     .counts = source_counts,
 };
 
@@ -390,6 +426,18 @@ struct tile_cache *tile_cache_of_source(struct terrain_source *source)
     return source->ops == &database_source_ops ? of(source)->cache : NULL;
 }
 
+struct dig *dig_of_source(struct terrain_source *source)
+{
+    return source->ops == &database_source_ops ? of(source)->dig : NULL;
+}
+
+void database_source_share_dig(struct terrain_source *source, struct dig *dig)
+{
+    dig_close(of(source)->own_dig);
+    of(source)->own_dig = NULL;
+    of(source)->dig = dig;
+}
+
 int database_source_open(const char *path, unsigned cache_tiles, struct terrain_source **ret_source,
                          struct diag *diag)
 {
@@ -401,6 +449,9 @@ int database_source_open(const char *path, unsigned cache_tiles, struct terrain_
     int r = database_open(path, &source->database, diag);
     if (r == 0)
         r = tile_cache_create(source->database, cache_tiles, &source->cache);
+    if (r == 0)
+        r = dig_open(path, &source->own_dig, diag);
+    source->dig = source->own_dig;
     if (r == 0)
         r = database_extent_of(source->database, &extent, diag);
     if (r < 0) {

@@ -7,6 +7,8 @@
 
 #include "terrain/block.h"
 #include "terrain/database_internal.h"
+#include "terrain/dig_store.h"
+#include "terrain/dig_verify.h"
 #include "terrain/height_step.h"
 #include "terrain/imagery.h"
 #include "terrain/tile_cache.h"
@@ -317,15 +319,19 @@ static int check_count(struct verifier *verifier, struct diag *diag)
         verifier->total += (uint64_t)sqlite3_column_int64(statement, 2);
     }
     sqlite3_finalize(statement);
+    struct dig_counts dug = {0};
+    if (r >= 0)
+        r = dig_store_count(verifier->database, &dug, diag);
+    verifier->total += dug.tiles;
     return r < 0 ? r : 0;
 }
 
-static void tell_of_imagery(void *user, const char *text)
+static void tell_of_database(void *user, const char *text)
 {
     tell(user, (struct tile_id){-1, 0, 0}, text);
 }
 
-static bool on_image(void *user)
+static bool on_tile(void *user)
 {
     struct verifier *verifier = user;
     verifier->report.tiles++;
@@ -354,7 +360,9 @@ int database_verify(struct database *database, database_verify_function function
     if (r == 0)
         r = check_tiles(&verifier, &trouble);
     if (r == 0 && !verifier.report.stopped)
-        r = imagery_verify(database, tell_of_imagery, on_image, &verifier, &trouble);
+        r = imagery_verify(database, tell_of_database, on_tile, &verifier, &trouble);
+    if (r == 0 && !verifier.report.stopped)
+        r = dig_verify(database, verifier.cache, tell_of_database, on_tile, &verifier, &trouble);
     /* Damage that stops SQLite itself is a finding, too. */
     if (r == -EBADMSG) {
         tell(&verifier, (struct tile_id){-1, 0, 0}, trouble.text);

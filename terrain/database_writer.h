@@ -72,8 +72,13 @@ int database_fold_journal(struct database *database, struct diag *diag);
 /* An import works in a file of this name beside the database. */
 #define DATABASE_PART_SUFFIX ".part"
 
+/* Opens a database that is added to. One that was dug in becomes one file again first; -EBUSY where
+ * another program has such a one open. Failures as database_open. */
+int database_open_old(const char *path, struct database **ret_database, struct diag *diag);
+
 /* Makes the database at `path` (or puts a new one in its place) from files of one import:
- * parts[0] gives metadata and sources; of tiles that several have the first one's counts. Nothing
- * is at `path`, or what was there, until all is on the disk. -ENOSPC, -EIO, -EBADMSG. */
+ * parts[0] gives metadata and sources; of tiles that several have the first one's counts. What was
+ * dug in one of them comes along, without the tiles that were made of it: they are made anew.
+ * Nothing is at `path`, or what was there, until all is on the disk. -ENOSPC, -EIO, -EBADMSG. */
 int database_compose(const char *path, struct database *const parts[], size_t count,
                      struct diag *diag);

@@ -65,7 +65,7 @@ static int open_old(struct import_job *job, struct diag *diag)
     job->exists = access(job->params->database, F_OK) == 0;
     if (!job->exists)
         return 0;
-    int r = database_open(job->params->database, &job->old, diag);
+    int r = database_open_old(job->params->database, &job->old, diag);
     return r == 0 ? compare_with_database(job, diag) : r;
 }
 

@@ -31,7 +31,7 @@ static int open_old(struct imagery_job *imagery, struct diag *diag)
     if (params->shard_count || params->max_error_m)
         return diag_set(diag, -EINVAL, "%s is for elevation, not for imagery",
                         params->shard_count ? "--shard" : "--max-error");
-    int r = database_open(params->database, &job->old, diag);
+    int r = database_open_old(params->database, &job->old, diag);
     if (r == -ENOENT)
         return diag_set(diag, r,
                         "%s does not exist: imagery lies on the grid of a database's heights, "

@@ -166,6 +166,17 @@ static void answer(struct loader *loader, const struct wish *wish)
     sem_post(&loader->answered_or_ready);
 }
 
+/* Where the ground was dug it is sampled again. */
+static void take_changes(struct loader *loader)
+{
+    struct terrain_source *source = loader->source;
+    struct terrain_rect rect;
+    while (source->ops->changed && source->ops->changed(source, &rect)) {
+        window_filler_spoil(&loader->filler, &rect);
+        loader->untried = loader->filler.late_count;
+    }
+}
+
 /* Puts better heights where coarser ones stood in for them, if there is an update to put them in.
  */
 static void refresh(struct loader *loader)
@@ -194,6 +205,8 @@ static void *loader_main(void *data)
         sleep_until_woken(loader);
         if (!atomic_load(&loader->stopping) && latest_take(&loader->wishes, &wish))
             answer(loader, &wish);
+        if (atomic_load(&loader->arrived))
+            take_changes(loader);
         if (atomic_load(&loader->arrived) || loader->untried > 0)
             refresh(loader);
     }

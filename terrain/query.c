@@ -31,6 +31,7 @@ int query_create(const struct query_params *params, struct query **ret_query)
         query->grid = database_grid(database);
         query->top_level = database_top_level(database);
         query->cache = tile_cache_of_source(params->database);
+        query->dig = dig_of_source(params->database);
     }
     query->places = malloc(BATCH_PLACES * sizeof(*query->places));
     query->order = malloc(BATCH_PLACES * sizeof(*query->order));
@@ -97,6 +98,17 @@ const float *query_tile(struct query *query, int view, const struct surface_line
     return pin->heights_m;
 }
 
+bool query_dug(struct query *query, double lat_deg, double lon_deg, struct dig_cell *ret_cell)
+{
+    if (!query->dig || !dig_any(query->dig))
+        return false;
+    struct dig_ground ground = {
+        .cache = query->cache, .wait = !(query->flags & QUERY_NO_WAIT), .rank = RANK};
+    bool dug = dig_cell_at(query->dig, &ground, lat_deg, lon_deg, ret_cell);
+    query->late |= dug && ret_cell->late;
+    return dug;
+}
+
 double query_fallback_m(struct query *query, double lat_deg, double lon_deg)
 {
     double height_m = NAN;
@@ -148,6 +160,13 @@ static void answer_at_place(struct query *query, const struct surface_place *pla
     const float *south_m = query_tile(query, 0, &place->south);
     const float *north_m = one_tile ? south_m : query_tile(query, 1, &place->north);
     float height_m = surface_height_m(place, south_m, north_m);
+    struct dig_cell dug;
+    if (query_dug(query, lat_deg, lon_deg, &dug)) {
+        place = &dug.place;
+        south_m = dug.south_m;
+        north_m = dug.north_m;
+        height_m = surface_height_m(place, south_m, north_m);
+    }
     ret_answer->late = query->late;
     query->late |= late;
     if (isnan(height_m)) {
@@ -167,7 +186,7 @@ void query_answer_at(struct query *query, double lat_deg, double lon_deg,
 {
     if (query->grid) {
         struct surface_place place;
-        surface_place(query->grid, lat_deg, lon_deg, &place);
+        surface_place(query->grid, 0, lat_deg, lon_deg, &place);
         answer_at_place(query, &place, lat_deg, lon_deg, ret_answer);
     } else {
         *ret_answer = (struct query_answer){.height_m = NAN};
@@ -205,7 +224,7 @@ static void answer_batch(struct query *query, const struct query_place *places, 
 {
     for (size_t i = 0; i < count; i++) {
         struct surface_place *place = &query->places[i];
-        surface_place(query->grid, places[i].lat_deg, places[i].lon_deg, place);
+        surface_place(query->grid, 0, places[i].lat_deg, places[i].lon_deg, place);
         struct tile_id id = {0, place->south.tile_row, place->south.tile_col};
         query->order[i] = (struct query_order){tile_key(id), (uint32_t)i};
     }

@@ -1,6 +1,7 @@
 /* Shared by query.c (heights) and query_sight.c (lines of sight). */
 #pragma once
 
+#include "terrain/dig.h"
 #include "terrain/query.h"
 #include "terrain/surface.h"
 #include "terrain/tile_cache.h"
@@ -19,6 +20,7 @@ struct query {
     struct tile_cache *cache;
     struct terrain_source *fallback;
     struct geoid *geoid;
+    struct dig *dig;                      /* NULL without a database */
     struct query_view views[QUERY_VIEWS]; /* tiles that are pinned during a call */
     unsigned flags;                       /* of the call */
     bool late;                    /* some heights that were used are coarser than they will be */
@@ -36,6 +38,9 @@ const struct tile_pin *query_view(struct query *query, int view, struct tile_id 
 
 /* The heights of a line's tile, or NULL; notes what is late. */
 const float *query_tile(struct query *query, int view, const struct surface_line *line);
+
+/* The cell of dug ground at a place; false where nothing was dug. Notes what is late. */
+bool query_dug(struct query *query, double lat_deg, double lon_deg, struct dig_cell *ret_cell);
 
 /* What the fallback has there; NaN without one. */
 double query_fallback_m(struct query *query, double lat_deg, double lon_deg);

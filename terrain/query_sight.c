@@ -206,7 +206,16 @@ static void read_cell(struct query *query, const struct piece *piece, double s,
 {
     ret_cell->lat_deg = limit(value(&piece->lat_deg, s), -90.0, 90.0);
     ret_cell->lon_deg = value(&piece->lon_deg, s);
-    surface_place(query->grid, ret_cell->lat_deg, ret_cell->lon_deg, &ret_cell->place);
+    struct dig_cell dug;
+    if (query_dug(query, ret_cell->lat_deg, ret_cell->lon_deg, &dug)) {
+        ret_cell->place = dug.place;
+        for (int i = 0; i < 2; i++) {
+            ret_cell->heights_m[i] = (double)dug.south_m[i];
+            ret_cell->heights_m[2 + i] = (double)dug.north_m[i];
+        }
+        return;
+    }
+    surface_place(query->grid, 0, ret_cell->lat_deg, ret_cell->lon_deg, &ret_cell->place);
     bool one_tile = ret_cell->place.north.tile_row == ret_cell->place.south.tile_row;
     read_line(query, 0, &ret_cell->place.south, ret_cell->heights_m);
     read_line(query, one_tile ? 0 : 1, &ret_cell->place.north, ret_cell->heights_m + 2);
@@ -279,19 +288,29 @@ static struct box tile_at(const struct query *query, const struct piece *piece, 
     return box;
 }
 
-/* The cell of level 0; where the rows of posts on its two sides differ, as wide as the finer. */
-static struct box cell_at(const struct query *query, const struct piece *piece, double s)
+/* The cell of level 0, or of the finer one that was dug there; where the rows of posts on its two
+ * sides differ, as wide as the finer. */
+static struct box cell_at(struct query *query, const struct piece *piece, double s)
 {
     const struct grid *grid = query->grid;
+    double span = 1.0, at = s + NUDGE;
+    struct dig_cell dug;
+    int level = 0;
+    if (query_dug(query, limit(value(&piece->lat_deg, at), -90.0, 90.0), value(&piece->lon_deg, at),
+                  &dug)) {
+        grid = &dig_grid_of(query->dig)->grid;
+        level = dug.level + dig_grid_of(query->dig)->finer;
+        span = ldexp(1.0, dug.level);
+    }
     int64_t row =
-        (int64_t)limit(floor(value(&piece->row, s + NUDGE)), (double)grid_first_row(grid, 0),
-                       (double)grid_last_row(grid, 0) - 1.0);
+        (int64_t)limit(floor(value(&piece->row, at) / span), (double)grid_first_row(grid, level),
+                       (double)grid_last_row(grid, level) - 1.0);
     int32_t tile_row = (int32_t)grid_floor_div(row, TILE_CELLS);
-    unsigned south = grid_lon_shift(grid, 0, grid_row_owner(grid, 0, row, tile_row));
-    unsigned north = grid_lon_shift(grid, 0, grid_row_owner(grid, 0, row + 1, tile_row));
-    struct box box = {.id = {0, tile_row, 0}};
-    set_borders(query, &box, (double)row, 1.0, value(&piece->col, s + NUDGE),
-                ldexp(1.0, (int)(south < north ? south : north)));
+    unsigned south = grid_lon_shift(grid, level, grid_row_owner(grid, level, row, tile_row));
+    unsigned north = grid_lon_shift(grid, level, grid_row_owner(grid, level, row + 1, tile_row));
+    struct box box = {.id = {level, tile_row, 0}};
+    set_borders(query, &box, (double)row, span, value(&piece->col, at),
+                ldexp(span, (int)(south < north ? south : north)));
     return box;
 }
 
@@ -330,9 +349,11 @@ static enum passage judge(const struct query *query, const struct tile_pin *pin,
     if (!pin->heights_m && !pin->late)
         return PASSAGE_EMPTY;
     bool known = pin->heights_m && pin->bounds.full && (id.level == 0 || !query->fallback);
-    return known && least_m > (double)pin->bounds.max_m && !borrows_posts(query, id)
-               ? PASSAGE_CLEAR
-               : PASSAGE_CLOSER;
+    float max_m = pin->bounds.max_m;
+    if (query->dig && dig_any(query->dig))
+        dig_raise(query->dig, id, &max_m);
+    return known && least_m > (double)max_m && !borrows_posts(query, id) ? PASSAGE_CLEAR
+                                                                         : PASSAGE_CLOSER;
 }
 
 /* The coarsest level worth a look: twice as wide as the piece is long. */

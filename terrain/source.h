@@ -4,6 +4,7 @@
  * spacing, so that the renderer's clipmap levels need not follow the source's own tiles. */
 #pragma once
 
+#include <stdbool.h>
 #include <stdint.h>
 
 #include "base/diag.h"
@@ -27,6 +28,11 @@ struct terrain_facts {
 
 enum terrain_sample {
     TERRAIN_LATE = 1, /* some heights are coarser than the source has them: ask again */
+};
+
+/* Part of the Earth; east may exceed 180. */
+struct terrain_rect {
+    double south_deg, west_deg, north_deg, east_deg;
 };
 
 struct terrain_source;
@@ -67,6 +73,8 @@ struct terrain_source_ops {
     void (*prefetch)(struct terrain_source *source, const struct terrain_grid *grid);
     void (*focus)(struct terrain_source *source, double lat_deg, double lon_deg);
     void (*counts)(struct terrain_source *source, struct terrain_counts *ret_counts);
+    /* Where heights have changed since the last call, `arrived` having told; false: nowhere. */
+    bool (*changed)(struct terrain_source *source, struct terrain_rect *ret_rect);
 };
 
 /* Embedded first in each implementation. One thread at a time may use a source, but for

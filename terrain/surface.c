@@ -2,12 +2,12 @@
 
 #include <math.h>
 
-static struct surface_line line_at(const struct grid *grid, int64_t row, int32_t tile_row,
-                                   double lon_deg)
+static struct surface_line line_at(const struct grid *grid, int level, int64_t row,
+                                   int32_t tile_row, double lon_deg)
 {
-    unsigned shift = grid_lon_shift(grid, 0, tile_row);
-    double width = grid_width_cells(grid, 0, shift);
-    double x = grid_col_at(grid, 0, shift, lon_deg);
+    unsigned shift = grid_lon_shift(grid, level, tile_row);
+    double width = grid_width_cells(grid, level, shift);
+    double x = grid_col_at(grid, level, shift, lon_deg);
     x -= floor(x / width) * width;
     double nearest = nearbyint(x);
     if (fabs(x - nearest) < SURFACE_SNAP_CELLS)
@@ -18,7 +18,7 @@ static struct surface_line line_at(const struct grid *grid, int64_t row, int32_t
     x -= (double)line.tile_col * TILE_CELLS;
     int cell = (int)x;
     double east = x - cell;
-    line.cell_deg = grid_lon_step_deg(grid, 0, shift);
+    line.cell_deg = grid_lon_step_deg(grid, level, shift);
     double narrow = width - ((double)line.tile_col * TILE_CELLS + cell);
     if (narrow < 1.0) { /* the cell before the last meridian */
         east = fmin(east / narrow, 1.0);
@@ -30,11 +30,12 @@ static struct surface_line line_at(const struct grid *grid, int64_t row, int32_t
 }
 
 /* The cell's southern row, and how far up in the cell. */
-static int64_t place_row(const struct grid *grid, double lat_deg, float *ret_up, double *ret_height)
+static int64_t place_row(const struct grid *grid, int level, double lat_deg, float *ret_up,
+                         double *ret_height)
 {
-    double north = grid_row_at(grid, 0, 90.0), south = grid_row_at(grid, 0, -90.0);
-    int64_t first = grid_first_row(grid, 0), last = grid_last_row(grid, 0);
-    double y = grid_row_at(grid, 0, lat_deg), nearest = nearbyint(y);
+    double north = grid_row_at(grid, level, 90.0), south = grid_row_at(grid, level, -90.0);
+    int64_t first = grid_first_row(grid, level), last = grid_last_row(grid, level);
+    double y = grid_row_at(grid, level, lat_deg), nearest = nearbyint(y);
     double below = (double)(last - 1), above = (double)(first + 1);
     *ret_height = 1.0;
     if (y > below) { /* the cell before a pole may be lower */
@@ -55,18 +56,18 @@ static int64_t place_row(const struct grid *grid, double lat_deg, float *ret_up,
     return (int64_t)floor(y);
 }
 
-void surface_place(const struct grid *grid, double lat_deg, double lon_deg,
+void surface_place(const struct grid *grid, int level, double lat_deg, double lon_deg,
                    struct surface_place *ret_place)
 {
     double height_cells;
-    int64_t row = place_row(grid, lat_deg, &ret_place->up, &height_cells);
+    int64_t row = place_row(grid, level, lat_deg, &ret_place->up, &height_cells);
     int32_t tile_row = (int32_t)grid_floor_div(row, TILE_CELLS);
-    int32_t south = grid_row_owner(grid, 0, row, tile_row);
-    int32_t north = grid_row_owner(grid, 0, row + 1, tile_row);
-    ret_place->cell_deg = height_cells * grid_lat_step_deg(grid, 0);
-    ret_place->south = line_at(grid, row, south, lon_deg);
+    int32_t south = grid_row_owner(grid, level, row, tile_row);
+    int32_t north = grid_row_owner(grid, level, row + 1, tile_row);
+    ret_place->cell_deg = height_cells * grid_lat_step_deg(grid, level);
+    ret_place->south = line_at(grid, level, row, south, lon_deg);
     if (north != south) {
-        ret_place->north = line_at(grid, row + 1, north, lon_deg);
+        ret_place->north = line_at(grid, level, row + 1, north, lon_deg);
         return;
     }
     ret_place->north = ret_place->south;

@@ -1,6 +1,6 @@
-/* Where a place lies on the finest surface of a database: between four posts of one tile, or of two
- * where the longitude factor changes. The way of single places; terrain/database_source.c walks
- * rows and comes to the same bits. Pure; any thread. */
+/* Where a place lies on the surface of one level of a database: between four posts of one tile, or
+ * of two where the longitude factor changes. The way of single places; terrain/database_source.c
+ * walks rows and comes to the same bits. Pure; any thread. */
 #pragma once
 
 #include <stdbool.h>
@@ -12,10 +12,10 @@
 
 /* Two neighbours on a row of posts. */
 struct surface_line {
-    int32_t tile_row, tile_col; /* of level 0 */
-    int post;                   /* the western one, in the tile's array */
-    float east;                 /* 0 on the western one .. 1 on the eastern one */
-    double cell_deg;            /* between them */
+    int32_t tile_row, tile_col;
+    int post;        /* the western one, in the tile's array */
+    float east;      /* 0 on the western one .. 1 on the eastern one */
+    double cell_deg; /* between them */
 };
 
 struct surface_place {
@@ -25,7 +25,7 @@ struct surface_place {
 };
 
 /* Latitude -90..90, any longitude that is finite. */
-void surface_place(const struct grid *grid, double lat_deg, double lon_deg,
+void surface_place(const struct grid *grid, int level, double lat_deg, double lon_deg,
                    struct surface_place *ret_place);
 
 /* The height from the tiles of its lines; NULL is a tile without data. NaN where a post that counts

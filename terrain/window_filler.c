@@ -268,18 +268,47 @@ static struct clipmap_rect common_part(struct clipmap_rect rect, struct clipmap_
     return (struct clipmap_rect){south, west, north - south, east - west};
 }
 
-/* Cuts a rectangle so that each part can be sampled again when its own tiles are there. With no
- * room left (the windows moved far while nothing came) a part stays coarse until it is left. */
+static int32_t cell_of(int32_t half_post)
+{
+    return half_post & ~(int32_t)(LATE_SIDE - 1);
+}
+
+/* The late part in the same square of LATE_SIDE half-posts; NULL where there is none. */
+static struct late_part *late_part_at(struct window_filler *filler, int level, int32_t row,
+                                      int32_t col)
+{
+    for (size_t i = 0; i < filler->late_count; i++) {
+        struct late_part *part = &filler->late[i];
+        if (part->level == level && cell_of(part->half_posts.row0) == cell_of(row) &&
+            cell_of(part->half_posts.col0) == cell_of(col))
+            return part;
+    }
+    return NULL;
+}
+
+static struct clipmap_rect around_both(struct clipmap_rect a, struct clipmap_rect b)
+{
+    int32_t south = smaller(a.row0, b.row0), west = smaller(a.col0, b.col0);
+    int32_t north = greater(a.row0 + a.rows, b.row0 + b.rows);
+    int32_t east = greater(a.col0 + a.cols, b.col0 + b.cols);
+    return (struct clipmap_rect){south, west, north - south, east - west};
+}
+
+/* Cuts a rectangle by squares of LATE_SIDE half-posts, so that each part can be sampled again when
+ * its own tiles are there, and no two overlap. With no room left (the windows moved far while
+ * nothing came) a part stays coarse until it is left. */
 static void remember_late(struct window_filler *filler, int level, struct clipmap_rect rect)
 {
-    for (int r = 0; r < rect.rows; r += LATE_SIDE)
-        for (int c = 0; c < rect.cols; c += LATE_SIDE)
-            if (filler->late_count < filler->late_capacity)
-                filler->late[filler->late_count++] = (struct late_part){
-                    .level = level,
-                    .half_posts = {rect.row0 + r, rect.col0 + c, smaller(LATE_SIDE, rect.rows - r),
-                                   smaller(LATE_SIDE, rect.cols - c)},
-                };
+    for (int32_t row = cell_of(rect.row0); row < rect.row0 + rect.rows; row += LATE_SIDE)
+        for (int32_t col = cell_of(rect.col0); col < rect.col0 + rect.cols; col += LATE_SIDE) {
+            struct clipmap_rect part =
+                common_part(rect, (struct clipmap_window){row, col}, LATE_SIDE);
+            struct late_part *there = late_part_at(filler, level, row, col);
+            if (there)
+                there->half_posts = around_both(there->half_posts, part);
+            else if (filler->late_count < filler->late_capacity)
+                filler->late[filler->late_count++] = (struct late_part){level, part};
+        }
 }
 
 /* Drops what has left the windows. */
@@ -332,9 +361,9 @@ static void add_part(struct window_filler *filler, const struct filler_part *par
     level_store_bound(store, coarser, level_store_posts(part->half_posts));
 }
 
-static void ground_below(struct window_filler *filler, double lat_deg, double lon_deg,
-                         struct loader_update *update)
+static void ground_below(struct window_filler *filler, struct loader_update *update)
 {
+    double lat_deg = filler->ground_lat_deg, lon_deg = filler->ground_lon_deg;
     double altitude_m = NAN;
     filler->source->ops->sample_point(filler->source, lat_deg, lon_deg, &altitude_m);
     if (isnan(altitude_m) && filler->fallback)
@@ -387,7 +416,9 @@ void window_filler_move(struct window_filler *filler, const struct clipmap_layou
         add_part(filler, &parts[i], update);
     }
     forget_late(filler);
-    ground_below(filler, lat_deg, lon_deg, update);
+    filler->ground_lat_deg = lat_deg;
+    filler->ground_lon_deg = lon_deg;
+    ground_below(filler, update);
     close_update(filler, update);
 }
 
@@ -431,9 +462,37 @@ bool window_filler_refresh(struct window_filler *filler, struct loader_update *u
                               update);
         }
     }
+    ground_below(filler, update);
     close_update(filler, update);
     *ret_tried = tried;
     return update->strip_count > 0 || filler->late_count == 0;
+}
+
+/* Of a level, the half-posts in a part of the Earth, `turns` times round the globe from it. */
+static struct clipmap_rect half_posts_in(const struct level_store *store,
+                                         const struct terrain_rect *rect, int turns)
+{
+    struct terrain_grid grid = level_store_grid(store, (struct clipmap_rect){0, 0, 1, 1});
+    double west_deg = rect->west_deg + 360.0 * turns, east_deg = rect->east_deg + 360.0 * turns;
+    double south = floor(rect->south_deg / grid.lat_step_deg);
+    double north = ceil(rect->north_deg / grid.lat_step_deg);
+    double west = floor(west_deg / grid.lon_step_deg), east = ceil(east_deg / grid.lon_step_deg);
+    return (struct clipmap_rect){(int32_t)south, (int32_t)west, (int32_t)(north - south) + 1,
+                                 (int32_t)(east - west) + 1};
+}
+
+void window_filler_spoil(struct window_filler *filler, const struct terrain_rect *rect)
+{
+    int side = level_half_posts(&filler->shape);
+    for (int level = filler->finest; level < filler->shape.levels && filler->placed; level++) {
+        const struct level_store *store = &filler->stores[level];
+        for (int turns = -1; turns <= 1 && store->filled; turns++) {
+            struct clipmap_rect part =
+                common_part(half_posts_in(store, rect, turns), in_half_posts(store->window), side);
+            if (part.rows > 0 && part.cols > 0)
+                remember_late(filler, level, part);
+        }
+    }
 }
 
 void window_filler_look_ahead(struct window_filler *filler, double lat_deg, double lon_deg)

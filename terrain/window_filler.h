@@ -26,7 +26,8 @@ struct window_filler {
     struct clipmap_layout layout;
     int finest;
     bool placed;
-    bool patient; /* waits for late heights */
+    double ground_lat_deg, ground_lon_deg; /* under the eye */
+    bool patient;                          /* waits for late heights */
     struct crew *crew;
     struct filler_scratch *scratch; /* [crew_size] */
     struct late_part *late;
@@ -45,6 +46,9 @@ void window_filler_finish(struct window_filler *filler);
  * ground under the place is put in, too. */
 void window_filler_move(struct window_filler *filler, const struct clipmap_layout *layout,
                         int finest, double lat_deg, double lon_deg, struct loader_update *update);
+
+/* Has a part of the Earth sampled again: its heights are others now. */
+void window_filler_spoil(struct window_filler *filler, const struct terrain_rect *rect);
 
 /* Samples again what was late longest, as much as an update holds. False where nothing came of it:
  * the update is then not worth handing over. `ret_tried`: how many parts were sampled. */

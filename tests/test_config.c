@@ -60,6 +60,7 @@ static void check_defaults(const struct config *c)
     CHECK_STRING(c->terrain.geoid, "egm96");
     CHECK_NEAR(c->terrain.pixel_error, 1, 0);
     CHECK_INT(c->terrain.technique, CONFIG_TECHNIQUE_CLIPMAP);
+    CHECK(!c->terrain.allow_dig);
     CHECK_NEAR(c->environment.visibility_m, 40000, 0);
     CHECK_INT(c->environment.time_utc_ns, 0);
     CHECK(c->environment.atmosphere);

@@ -22,7 +22,7 @@ _otwd() {
     local current=${COMP_WORDS[COMP_CWORD]} previous=${COMP_WORDS[COMP_CWORD - 1]} values options words=2
     COMPREPLY=()
     if [ "$COMP_CWORD" -eq 1 ]; then
-        mapfile -t COMPREPLY < <(compgen -W "run replay demo import merge info verify height send
+        mapfile -t COMPREPLY < <(compgen -W "run replay demo import merge info verify height dig send
             bench status check-config --help --version" -- "$current")
         return
     fi

@@ -7,7 +7,7 @@ sed -n 's/^    {"\([a-z_.]*\(\[\][a-z_.]*\)\?\)\(\[\]\)\?",.*/\1/p' config/keys.
     grep -q "^\.It Ic ${leaf}\$\|^\.It Ic ${leaf} " docs/man/otwd.yaml.5 ||
         complain "docs/man/otwd.yaml.5 does not tell of $key"
 done
-for name in run replay demo import merge info verify height send bench status check-config; do
+for name in run replay demo import merge info verify height dig send bench status check-config; do
     grep -q "^\.Ss otwd $name\|^\.It Ic $name" docs/man/otwd.1 ||
         complain "docs/man/otwd.1 does not tell of $name"
     grep -qw -- "$name" docs/completion/otwd.bash ||
