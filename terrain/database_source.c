@@ -16,6 +16,7 @@
 #include "terrain/database_internal.h"
 #include "terrain/surface.h"
 #include "terrain/tile_cache.h"
+#include "terrain/tile_table.h"
 
 #define SNAP_CELLS SURFACE_SNAP_CELLS
 
@@ -127,10 +128,32 @@ static float rank_of(const struct database_source *source, struct tile_id id)
     return (float)(-RANK_PER_LEVEL * id.level + fmin(fmax(east, north), RANK_PER_LEVEL));
 }
 
+/* Whether a tile lies off the database, with a cell to spare. A small database has no coarse
+ * levels: the windows far around it would be thousands of tiles that are not there. */
+static bool is_beyond(const struct database_source *source, struct tile_id id)
+{
+    const struct grid *grid = &source->database->grid;
+    const struct terrain_facts *facts = &source->facts;
+    double lat_step_deg = grid_lat_step_deg(grid, id.level);
+    double lon_step_deg = grid_lon_step_deg(grid, id.level, grid_lon_shift(grid, id.level, id.row));
+    double lat_deg = ((double)id.row + 0.5) * TILE_CELLS * lat_step_deg;
+    double lon_deg = ((double)id.col + 0.5) * TILE_CELLS * lon_step_deg - 180.0;
+    double far_lat_deg =
+        0.5 * (facts->north_deg - facts->south_deg + (TILE_CELLS + 4) * lat_step_deg);
+    double far_lon_deg =
+        0.5 * (facts->east_deg - facts->west_deg + (TILE_CELLS + 4) * lon_step_deg);
+    return fabs(lat_deg - 0.5 * (facts->south_deg + facts->north_deg)) > far_lat_deg ||
+           fabs(remainder(lon_deg - 0.5 * (facts->west_deg + facts->east_deg), 360.0)) >
+               far_lon_deg;
+}
+
 static const float *take_tile(struct database_source *source, struct tile_id id,
                               struct tile_pin *pin)
 {
     int status;
+    *pin = (struct tile_pin){.entry = TILE_NONE};
+    if (is_beyond(source, id))
+        return NULL;
     if (!source->streams)
         return tile_cache_look(source->cache, id, &status);
     tile_cache_pin(source->cache, id, rank_of(source, id), pin);
@@ -341,7 +364,8 @@ static void prefetch_tile_row(struct database_source *source, int level, int32_t
     int64_t east = (int64_t)floor(grid_col_at(of, level, shift, east_deg) / TILE_CELLS);
     for (int64_t col = west; col <= east && col < west + around; col++) {
         struct tile_id id = {level, row, (int32_t)(col - grid_floor_div(col, around) * around)};
-        tile_cache_want(source->cache, id, RANK_AHEAD + rank_of(source, id));
+        if (!is_beyond(source, id))
+            tile_cache_want(source->cache, id, RANK_AHEAD + rank_of(source, id));
     }
 }
 
