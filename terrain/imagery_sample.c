@@ -110,6 +110,12 @@ static void sum_row(struct sampling *sampling, int post_row)
     }
 }
 
+static void water_from_light(const float sums[4], uint8_t ret_water[2])
+{
+    ret_water[0] = (uint8_t)lrintf(255.0f * fminf(sums[0], 1.0f));
+    ret_water[1] = (uint8_t)lrintf(255.0f * fminf(sums[3], 1.0f));
+}
+
 static void sample_kind(struct sampling *sampling, enum image_kind kind, uint8_t *ret_rgba,
                         uint8_t *ret_water)
 {
@@ -121,8 +127,8 @@ static void sample_kind(struct sampling *sampling, enum image_kind kind, uint8_t
             size_t at = (size_t)row * (size_t)sampling->posts->cols + (size_t)col;
             if (ret_rgba)
                 image_texel_from_light(sampling->light, sampling->sums[col], ret_rgba + 4 * at);
-            else /* water where the mask says so: its share of all */
-                ret_water[at] = (uint8_t)lrintf(255.0f * fminf(sampling->sums[col][0], 1.0f));
+            else
+                water_from_light(sampling->sums[col], ret_water + 2 * at);
         }
     }
 }
