@@ -165,10 +165,13 @@ static int finest_level(const struct image_pass *pass, double height_m)
     return image_clipmap_finest(&pass->shape, height_m, pass->pixel_rad);
 }
 
+/* One level finer than is drawn is kept ready, so that descending finds it. */
 void image_pass_wish(struct image_pass *pass, const struct geodetic *eye, double height_m)
 {
-    if (pass)
-        image_loader_wish(pass->loader, eye->lat_deg, eye->lon_deg, finest_level(pass, height_m));
+    if (!pass)
+        return;
+    int finest = finest_level(pass, height_m);
+    image_loader_wish(pass->loader, eye->lat_deg, eye->lon_deg, finest > 0 ? finest - 1 : 0);
 }
 
 static size_t apply(struct image_pass *pass, const struct image_update *update)
