@@ -76,6 +76,12 @@ bool import_on_scan(void *user, uint64_t done, uint64_t total)
            scan->params->progress(scan->params->user, IMPORT_READING, scan->name, done, total);
 }
 
+/* Each source is one shard's to check. */
+static bool checks(const struct import_params *params, size_t source)
+{
+    return params->shard_count == 0 || source % params->shard_count == params->shard;
+}
+
 /* Opens every new source, and reads it where no earlier try has. */
 static int scan_sources(struct import_job *job, bool read, struct diag *diag)
 {
@@ -87,7 +93,7 @@ static int scan_sources(struct import_job *job, bool read, struct diag *diag)
         if (source->done)
             continue;
         int r = raster_open(source->path, &options, &raster, diag);
-        if (r == 0 && read)
+        if (r == 0 && read && checks(job->params, i))
             r = raster_scan(raster, import_on_scan, &scan, diag);
         if (r == 0)
             raster_get_facts(raster, &source->facts);
@@ -102,16 +108,14 @@ static int scan_sources(struct import_job *job, bool read, struct diag *diag)
 
 static int check_geoids(const struct import_job *job, struct diag *diag)
 {
-    for (size_t i = 0; i < job->params->input_count; i++) {
+    char path[2 * DATABASE_NAME_MAX];
+    int r = 0;
+    for (size_t i = 0; r == 0 && i < job->params->input_count; i++) {
         const struct import_options *options = &job->params->inputs[i].options;
-        if ((options->vertical == IMPORT_EGM2008 || options->vertical == IMPORT_EGM84) &&
-            !options->geoid_path)
-            return diag_set(diag, -EINVAL,
-                            "--vertical %s needs that geoid's grid: give it with --geoid FILE (a "
-                            "PGM file of GeographicLib)",
-                            import_vertical_name(options->vertical));
+        if (options->vertical == IMPORT_EGM2008 || options->vertical == IMPORT_EGM84)
+            r = import_find_geoid(options, path, sizeof(path), diag);
     }
-    return 0;
+    return r;
 }
 
 /* What tells this import from others: its sources in their order, what becomes of them, and the
