@@ -30,7 +30,8 @@ struct database_source {
     struct database *database;
     struct tile_cache *cache;
     struct terrain_facts facts;
-    float *rows; /* two rows of posts, owned; row_capacity each */
+    struct database_extent covered; /* by the coarsest tiles */
+    float *rows;                    /* two rows of posts, owned; row_capacity each */
     int row_capacity;
     bool streams; /* tiles are pinned, not waited for */
     bool late;    /* of what the present call gives */
@@ -133,17 +134,19 @@ static float rank_of(const struct database_source *source, struct tile_id id)
 static bool is_beyond(const struct database_source *source, struct tile_id id)
 {
     const struct grid *grid = &source->database->grid;
-    const struct terrain_facts *facts = &source->facts;
+    const struct database_extent *covered = &source->covered;
+    if (!covered->any)
+        return true;
     double lat_step_deg = grid_lat_step_deg(grid, id.level);
     double lon_step_deg = grid_lon_step_deg(grid, id.level, grid_lon_shift(grid, id.level, id.row));
     double lat_deg = ((double)id.row + 0.5) * TILE_CELLS * lat_step_deg;
     double lon_deg = ((double)id.col + 0.5) * TILE_CELLS * lon_step_deg - 180.0;
     double far_lat_deg =
-        0.5 * (facts->north_deg - facts->south_deg + (TILE_CELLS + 4) * lat_step_deg);
+        0.5 * (covered->north_deg - covered->south_deg + (TILE_CELLS + 4) * lat_step_deg);
     double far_lon_deg =
-        0.5 * (facts->east_deg - facts->west_deg + (TILE_CELLS + 4) * lon_step_deg);
-    return fabs(lat_deg - 0.5 * (facts->south_deg + facts->north_deg)) > far_lat_deg ||
-           fabs(remainder(lon_deg - 0.5 * (facts->west_deg + facts->east_deg), 360.0)) >
+        0.5 * (covered->east_deg - covered->west_deg + (TILE_CELLS + 4) * lon_step_deg);
+    return fabs(lat_deg - 0.5 * (covered->south_deg + covered->north_deg)) > far_lat_deg ||
+           fabs(remainder(lon_deg - 0.5 * (covered->west_deg + covered->east_deg), 360.0)) >
                far_lon_deg;
 }
 
@@ -430,6 +433,8 @@ int database_source_open(const char *path, unsigned cache_tiles, struct terrain_
         r = tile_cache_create(source->database, cache_tiles, &source->cache);
     if (r == 0)
         r = database_extent_of(source->database, &extent, diag);
+    if (r == 0)
+        r = database_extent_of_top(source->database, &source->covered, diag);
     if (r < 0) {
         source_destroy(&source->source);
         return r;
