@@ -33,8 +33,8 @@ struct database_source {
     struct tile_cache *cache;
     struct dig *dig, *own_dig; /* the latter where it is not shared */
     struct terrain_facts facts;
-    bool bounded; /* the extent in the facts is known */
-    bool streams; /* tiles are pinned, not waited for */
+    struct database_extent covered; /* by the coarsest tiles */
+    bool streams;                   /* tiles are pinned, not waited for */
     double focus_lat_deg, focus_lon_deg;
 };
 
@@ -141,19 +141,19 @@ static float rank_of(const struct database_source *source, struct tile_id id)
 static bool is_beyond(const struct database_source *source, struct tile_id id)
 {
     const struct grid *grid = &source->database->grid;
-    const struct terrain_facts *facts = &source->facts;
-    if (!source->bounded)
-        return false;
+    const struct database_extent *covered = &source->covered;
+    if (!covered->any)
+        return true;
     double lat_step_deg = grid_lat_step_deg(grid, id.level);
     double lon_step_deg = grid_lon_step_deg(grid, id.level, grid_lon_shift(grid, id.level, id.row));
     double lat_deg = ((double)id.row + 0.5) * TILE_CELLS * lat_step_deg;
     double lon_deg = ((double)id.col + 0.5) * TILE_CELLS * lon_step_deg - 180.0;
     double far_lat_deg =
-        0.5 * (facts->north_deg - facts->south_deg + (TILE_CELLS + 4) * lat_step_deg);
+        0.5 * (covered->north_deg - covered->south_deg + (TILE_CELLS + 4) * lat_step_deg);
     double far_lon_deg =
-        0.5 * (facts->east_deg - facts->west_deg + (TILE_CELLS + 4) * lon_step_deg);
-    return fabs(lat_deg - 0.5 * (facts->south_deg + facts->north_deg)) > far_lat_deg ||
-           fabs(remainder(lon_deg - 0.5 * (facts->west_deg + facts->east_deg), 360.0)) >
+        0.5 * (covered->east_deg - covered->west_deg + (TILE_CELLS + 4) * lon_step_deg);
+    return fabs(lat_deg - 0.5 * (covered->south_deg + covered->north_deg)) > far_lat_deg ||
+           fabs(remainder(lon_deg - 0.5 * (covered->west_deg + covered->east_deg), 360.0)) >
                far_lon_deg;
 }
 
@@ -481,12 +481,13 @@ int database_source_open(const char *path, unsigned cache_tiles, struct terrain_
     source->dig = source->own_dig;
     if (r == 0)
         r = database_extent_of(source->database, &extent, diag);
+    if (r == 0)
+        r = database_extent_of_top(source->database, &source->covered, diag);
     if (r < 0) {
         source_destroy(&source->source);
         return r;
     }
     const struct grid *grid = &source->database->grid;
-    source->bounded = extent.any;
     source->facts = (struct terrain_facts){
         .finest_lat_step_deg = grid_lat_step_deg(grid, 0),
         .finest_lon_step_deg = database_extent_lon_step_deg(grid, &extent),
