@@ -41,6 +41,7 @@ static int create_renderer(struct channel *channel, const struct channel_params 
         .source = terrain.source,
         .fallback = terrain.fallback,
         .geoid = terrain.geoid,
+        .imagery = terrain.imagery,
     };
     return renderer_create(&renderer, &channel->gl, &channel->renderer, diag);
 }

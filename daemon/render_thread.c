@@ -83,7 +83,9 @@ static void fill_sample(struct frame_loop *loop, const struct channel_frame *fra
 {
     struct frame_sample *sample = &loop->sample;
     struct loader_counts counts;
+    struct image_loader_counts images;
     renderer_loader_counts(channel_renderer(loop->channel), &counts);
+    renderer_image_counts(channel_renderer(loop->channel), &images);
     uint64_t missed = (uint64_t)((frame->finished_ns - tick_ns) / loop->period_ns);
     bool drawn_first = loop->fresh && !loop->input.frozen;
     sample->frame++;
@@ -100,7 +102,7 @@ static void fill_sample(struct frame_loop *loop, const struct channel_frame *fra
     sample->complete = frame->renderer.complete;
     sample->tiles_resident = (unsigned)counts.tiles_resident;
     sample->tiles_pending = (unsigned)counts.tiles_pending;
-    sample->terrain_errors = counts.read_errors;
+    sample->terrain_errors = counts.read_errors + images.read_errors;
     if (sample->frame % loop->gpu_memory_every == 1)
         sample->gpu_mib = gl_memory_used_mib(channel_gl(loop->channel));
     if (drawn_first)

@@ -153,6 +153,7 @@ int replay_fly(const struct flight *flight, const struct replay_params *params,
                                        .gpu_memory_mib = gl_memory_used_mib(&gl),
                                        .report_every = files.report_every};
     renderer_loader_counts(channel_renderer(channel), &ret_facts->loader);
+    renderer_image_counts(channel_renderer(channel), &ret_facts->images);
     r = output_error(frame_output_close(output, diag));
     channel_destroy(channel);
     if (r == 0 && params->report_dir)

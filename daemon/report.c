@@ -173,13 +173,15 @@ json_t *report_json(const struct report *report, const struct report_facts *fact
     uint64_t asked = loader->tile_hits + loader->tile_misses;
     json_object_set_new(
         root, "terrain",
-        json_pack("{s:I,s:I,s:I,s:I,s:o,s:I,s:o}", "tiles_loaded", (json_int_t)loader->tiles_loaded,
-                  "pending_max", (json_int_t)report->pending_max, "frames_incomplete",
-                  (json_int_t)incomplete, "frames_incomplete_longest",
+        json_pack("{s:I,s:I,s:I,s:I,s:o,s:I,s:o,s:I,s:I}", "tiles_loaded",
+                  (json_int_t)loader->tiles_loaded, "pending_max", (json_int_t)report->pending_max,
+                  "frames_incomplete", (json_int_t)incomplete, "frames_incomplete_longest",
                   (json_int_t)longest_incomplete(report), "hit_rate",
                   json_measure(asked ? (double)loader->tile_hits / (double)asked : NAN),
                   "tiles_prefetched", (json_int_t)loader->prefetched, "tile_late_ms_max",
-                  json_measure(loader->longest_late_ms)));
+                  json_measure(loader->longest_late_ms), "image_tiles_loaded",
+                  (json_int_t)facts->images.tiles_loaded, "image_read_errors",
+                  (json_int_t)facts->images.read_errors));
     return root;
 }
 

@@ -45,6 +45,7 @@ struct report_facts {
     const struct gl_facts *gl;
     int gpu_memory_mib;
     struct loader_counts loader;
+    struct image_loader_counts images;
     unsigned report_every; /* pictures frame-%06d.png that lie in the directory */
 };
 

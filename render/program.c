@@ -34,10 +34,13 @@ static int compile(const struct program_params *params, const struct stage *stag
     *ret_shader = 0;
     if (!text)
         return 0;
-    const char *sources[] = {
-        "#version 450 core\n",   params->defines ? params->defines : "",
-        embedded("common.glsl"), params->shared ? embedded(params->shared) : "",
-        "\n#line 1\n",           text};
+    const char *sources[] = {"#version 450 core\n",
+                             params->defines ? params->defines : "",
+                             embedded("common.glsl"),
+                             params->shared[0] ? embedded(params->shared[0]) : "",
+                             params->shared[1] ? embedded(params->shared[1]) : "",
+                             "\n#line 1\n",
+                             text};
     GLuint shader = glCreateShader(stage->type);
     glShaderSource(shader, sizeof(sources) / sizeof(sources[0]), sources, NULL);
     glCompileShader(shader);

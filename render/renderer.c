@@ -8,8 +8,10 @@
 
 #include "geo/geographic.h"
 #include "render/clipmap_pass.h"
+#include "render/image_pass.h"
 #include "render/program.h"
 #include "render/scene.h"
+#include "terrain/imagery.h"
 
 #define BUFFERED_SCENES 4
 #define SHADE_GROUP     8 /* pixels a side of a work group of shade_compute.comp */
@@ -22,6 +24,7 @@ struct renderer {
     struct clipmap_shape shape;
     struct loader *loader;
     struct clipmap_pass *clipmap;
+    struct image_pass *images; /* NULL: there is no imagery */
     GLuint shade_program;
     bool shade_in_compute; /* else by a triangle over the screen: docs/decisions/0003 */
     GLuint empty_array;
@@ -102,17 +105,33 @@ static void destroy_sources(const struct renderer_params *params)
     terrain_source_destroy(params->source);
     terrain_source_destroy(params->fallback);
     geoid_close(params->geoid);
+    imagery_close(params->imagery);
 }
 
-static int create_loader(struct renderer *renderer, const struct renderer_params *params,
-                         struct diag *diag)
+static int create_shading(struct renderer *renderer, const struct gl_facts *facts,
+                          struct diag *diag)
+{
+    const struct program_params shade = {.name = facts->software ? "shade" : "shade_compute",
+                                         .defines = image_pass_defines(renderer->images),
+                                         .shared = {"images.glsl", "shade.glsl"}};
+    return program_create(&shade, &renderer->shade_program, diag);
+}
+
+/* Passes the sources on; what has not been passed on when it fails is destroyed. */
+static int create_loaders(struct renderer *renderer, const struct renderer_params *params,
+                          struct diag *diag)
 {
     struct loader_params loader = {.shape = params->shape,
                                    .source = params->source,
                                    .fallback = params->fallback,
                                    .geoid = params->geoid};
     memcpy(loader.arenas, clipmap_pass_arenas(renderer->clipmap), sizeof(loader.arenas));
-    return loader_start(&loader, &renderer->loader, diag);
+    int r = loader_start(&loader, &renderer->loader, diag);
+    if (r < 0)
+        imagery_close(params->imagery);
+    else if (params->imagery)
+        r = image_pass_create(params->imagery, params->width, &renderer->images, diag);
+    return r;
 }
 
 int renderer_create(const struct renderer_params *params, const struct gl_facts *facts,
@@ -130,16 +149,13 @@ int renderer_create(const struct renderer_params *params, const struct gl_facts 
     renderer->debug_groups = facts->debug;
     int r = clipmap_pass_create(&params->shape, facts, &renderer->clipmap, diag);
     if (r == 0)
-        r = program_create(
-            &(struct program_params){.name = facts->software ? "shade" : "shade_compute",
-                                     .shared = "shade.glsl"},
-            &renderer->shade_program, diag);
-    if (r == 0)
         r = create_framebuffers(renderer, diag);
     if (r < 0)
         destroy_sources(params);
     else
-        r = create_loader(renderer, params, diag);
+        r = create_loaders(renderer, params, diag);
+    if (r == 0)
+        r = create_shading(renderer, facts, diag);
     if (r < 0) {
         renderer_destroy(renderer);
         return r;
@@ -162,6 +178,7 @@ void renderer_destroy(struct renderer *renderer)
     if (!renderer)
         return;
     loader_stop(renderer->loader);
+    image_pass_destroy(renderer->images);
     clipmap_pass_destroy(renderer->clipmap);
     glDeleteProgram(renderer->shade_program);
     glDeleteVertexArrays(1, &renderer->empty_array);
@@ -180,16 +197,20 @@ void renderer_destroy(struct renderer *renderer)
 void renderer_wish(struct renderer *renderer, const struct geodetic *eye, bool patient)
 {
     float fade;
-    int finest = clipmap_finest_level(&renderer->shape, eye->height_m - renderer->ground_m, &fade);
+    double height_m = eye->height_m - renderer->ground_m;
+    int finest = clipmap_finest_level(&renderer->shape, height_m, &fade);
     loader_wish(renderer->loader, eye->lat_deg, eye->lon_deg, finest > 0 ? finest - 1 : 0, patient);
+    image_pass_wish(renderer->images, eye, height_m);
 }
 
 void renderer_wait(struct renderer *renderer)
 {
     loader_wait(renderer->loader);
+    image_pass_settle(renderer->images);
 }
 
-static void apply_updates(struct renderer *renderer)
+/* Returns the bytes of imagery; those of terrain are the clipmap's to count. */
+static size_t apply_updates(struct renderer *renderer)
 {
     struct loader_update *update;
     while (renderer->held_count < LOADER_UPDATES && (update = loader_take(renderer->loader))) {
@@ -199,6 +220,7 @@ static void apply_updates(struct renderer *renderer)
         renderer->late = update->late;
         renderer->held[renderer->held_count++] = update;
     }
+    return image_pass_take(renderer->images);
 }
 
 /* Whether the windows that are drawn are those that this eye asks for. */
@@ -217,14 +239,15 @@ static bool is_complete(const struct renderer *renderer, const struct geodetic *
                   clipmap_lon_factor(eye->lat_deg, drawn->lon_factor), &layout);
     return clipmap_pass_finest(renderer->clipmap) <= wanted &&
            layout.lon_factor == drawn->lon_factor &&
-           memcmp(layout.windows, drawn->windows, sizeof(layout.windows)) == 0;
+           memcmp(layout.windows, drawn->windows, sizeof(layout.windows)) == 0 &&
+           image_pass_complete(renderer->images, eye, eye->height_m - renderer->ground_m);
 }
 
 /* Everything that a frame needs to be computed, before its first command. True where there is
  * terrain to draw. */
 static bool prepare_frame(struct renderer *renderer, struct view *view)
 {
-    apply_updates(renderer);
+    renderer->frame.upload_bytes = apply_updates(renderer);
     renderer->frame.complete = is_complete(renderer, &view->eye);
     renderer->frame.height_above_terrain_m = view->eye.height_m - renderer->ground_m;
     renderer->frame.undulation_m = view->undulation_m = renderer->undulation_m;
@@ -235,17 +258,18 @@ static bool prepare_frame(struct renderer *renderer, struct view *view)
     if (!clipmap_pass_layout(renderer->clipmap))
         return false;
     float fade;
-    int wanted =
-        clipmap_finest_level(&renderer->shape, view->eye.height_m - renderer->ground_m, &fade);
+    double height_m = view->eye.height_m - renderer->ground_m;
+    double pixel_rad = (view->tan_right - view->tan_left) / renderer->width;
+    int wanted = clipmap_finest_level(&renderer->shape, height_m, &fade);
     int filled = clipmap_pass_finest(renderer->clipmap);
     int finest = wanted > filled ? wanted : filled;
     scene_set_levels(view, &renderer->shape, clipmap_pass_layout(renderer->clipmap), finest,
-                     finest == wanted ? fade : 0.0f,
-                     (view->tan_right - view->tan_left) / renderer->width, scene);
+                     finest == wanted ? fade : 0.0f, pixel_rad, scene);
     struct clipmap_pass_facts facts;
     clipmap_pass_prepare(renderer->clipmap, finest, &facts);
     renderer->frame.control_points = facts.control_points;
-    renderer->frame.upload_bytes = facts.upload_bytes;
+    renderer->frame.upload_bytes += facts.upload_bytes;
+    image_pass_prepare(renderer->images, &view->eye, height_m, pixel_rad);
     return true;
 }
 
@@ -286,6 +310,7 @@ void renderer_draw(struct renderer *renderer, struct view *view)
     glBeginQuery(GL_TIME_ELAPSED, renderer->time_query);
     begin_pass(renderer, PASS_UPLOAD, "terrain upload");
     clipmap_pass_upload(renderer->clipmap);
+    image_pass_upload(renderer->images);
     begin_pass(renderer, PASS_TERRAIN, "terrain");
     glBeginQuery(GL_PRIMITIVES_GENERATED, renderer->triangle_query);
     glBindBufferRange(GL_UNIFORM_BUFFER, 0, renderer->scene_buffer,
@@ -294,8 +319,10 @@ void renderer_draw(struct renderer *renderer, struct view *view)
     glBindFramebuffer(GL_FRAMEBUFFER, renderer->geometry_framebuffer);
     glViewport(0, 0, renderer->width, renderer->height);
     glClear(GL_DEPTH_BUFFER_BIT);
-    if (terrain)
+    if (terrain) {
         clipmap_pass_draw(renderer->clipmap);
+        image_pass_bind(renderer->images);
+    }
     glEndQuery(GL_PRIMITIVES_GENERATED);
     begin_pass(renderer, PASS_SHADE, "shade");
     shade(renderer);
@@ -324,6 +351,7 @@ void renderer_finish(struct renderer *renderer, struct renderer_frame *ret_frame
     renderer->frame.shade_ms = pass_ms(marks_ns, PASS_SHADE);
     while (renderer->held_count > 0)
         loader_give_back(renderer->loader, renderer->held[--renderer->held_count]);
+    image_pass_release(renderer->images);
     renderer->frame.triangles = triangles;
     renderer->frame.failed =
         glGetGraphicsResetStatus() != GL_NO_ERROR || glGetError() == GL_OUT_OF_MEMORY;
@@ -343,4 +371,9 @@ unsigned renderer_depth_framebuffer(const struct renderer *renderer)
 void renderer_loader_counts(const struct renderer *renderer, struct loader_counts *ret_counts)
 {
     loader_counts(renderer->loader, ret_counts);
+}
+
+void renderer_image_counts(const struct renderer *renderer, struct image_loader_counts *ret_counts)
+{
+    image_pass_counts(renderer->images, ret_counts);
 }

@@ -11,6 +11,7 @@
 #include "base/diag.h"
 #include "render/context.h"
 #include "render/view.h"
+#include "terrain/image_loader.h"
 #include "terrain/loader.h"
 
 struct renderer_params {
@@ -19,6 +20,7 @@ struct renderer_params {
     struct terrain_source *source;   /* ownership passes, also on failure */
     struct terrain_source *fallback; /* likewise; may be NULL */
     struct geoid *geoid;             /* likewise; may be NULL */
+    struct imagery *imagery;         /* likewise; may be NULL */
 };
 
 struct renderer_frame {
@@ -27,7 +29,7 @@ struct renderer_frame {
     uint64_t triangles;                     /* generated, after culling */
     unsigned control_points;                /* vertices sent by the CPU */
     uint64_t upload_bytes;
-    bool complete; /* the terrain drawn is that of this eye, not of an earlier one */
+    bool complete; /* terrain and imagery drawn are those of this eye, not of an earlier one */
     bool failed;   /* the GPU was reset or ran out of memory */
     double height_above_terrain_m;
     double undulation_m;
@@ -49,7 +51,7 @@ void renderer_destroy(struct renderer *renderer);
  * awaited rather than shown coarser while it is read. */
 void renderer_wish(struct renderer *renderer, const struct geodetic *eye, bool patient);
 
-/* Waits until the terrain of the last wish is there. Not for live use. */
+/* Waits until terrain and imagery of the last wish are there. Not for live use. */
 void renderer_wait(struct renderer *renderer);
 
 /* Draws a frame and returns without waiting for the GPU. The view's undulation is set from the
@@ -64,3 +66,5 @@ unsigned renderer_framebuffer(const struct renderer *renderer);
 unsigned renderer_depth_framebuffer(const struct renderer *renderer);
 
 void renderer_loader_counts(const struct renderer *renderer, struct loader_counts *ret_counts);
+/* Zeros without imagery. */
+void renderer_image_counts(const struct renderer *renderer, struct image_loader_counts *ret_counts);

@@ -16,5 +16,9 @@ void database_extent_add(struct database_extent *extent, double south_deg, doubl
 int database_extent_of(struct database *database, struct database_extent *ret_extent,
                        struct diag *diag);
 
+/* The tiles of the coarsest level: beyond them there is nothing. */
+int database_extent_of_top(struct database *database, struct database_extent *ret_extent,
+                           struct diag *diag);
+
 /* The finest longitude spacing at the extent's side towards the equator. */
 double database_extent_lon_step_deg(const struct grid *grid, const struct database_extent *extent);

@@ -41,13 +41,12 @@ void database_extent_add(struct database_extent *extent, double south_deg, doubl
     }
 }
 
-/* The border of the finest tiles, for a database that names no sources. */
-static int extent_from_tiles(struct database *database, struct database_extent *extent,
-                             struct diag *diag)
+/* Widens the extent by the tiles that a query of keys gives. */
+static int extent_from_tiles(struct database *database, const char *query,
+                             struct database_extent *extent, struct diag *diag)
 {
     sqlite3_stmt *statement = NULL;
-    int r = database_sql_prepare(database, "SELECT key FROM tiles WHERE children = 0", &statement,
-                                 diag);
+    int r = database_sql_prepare(database, query, &statement, diag);
     while (r >= 0 && (r = database_sql_step(database, statement, "reading tiles", diag)) == 1) {
         const struct grid *grid = &database->grid;
         struct tile_id id = tile_id_from_key(sqlite3_column_int64(statement, 0));
@@ -75,8 +74,21 @@ int database_extent_of(struct database *database, struct database_extent *ret_ex
         database_extent_add(&extent, imports[i].info.south_deg, imports[i].info.west_deg,
                             imports[i].info.north_deg, imports[i].info.east_deg);
     if (r == 0 && count == 0)
-        r = extent_from_tiles(database, &extent, diag);
+        r = extent_from_tiles(database, "SELECT key FROM tiles WHERE children = 0", &extent, diag);
     free(imports);
+    if (r == 0)
+        *ret_extent = extent;
+    return r;
+}
+
+int database_extent_of_top(struct database *database, struct database_extent *ret_extent,
+                           struct diag *diag)
+{
+    char query[80];
+    struct database_extent extent = {0};
+    snprintf(query, sizeof(query), "SELECT key FROM tiles WHERE key >= %lld",
+             (long long)database->top_level << 48);
+    int r = extent_from_tiles(database, query, &extent, diag);
     if (r == 0)
         *ret_extent = extent;
     return r;

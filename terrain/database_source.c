@@ -17,6 +17,7 @@
 #include "terrain/parallel.h"
 #include "terrain/surface.h"
 #include "terrain/tile_cache.h"
+#include "terrain/tile_table.h"
 
 #define SNAP_CELLS SURFACE_SNAP_CELLS
 
@@ -32,7 +33,8 @@ struct database_source {
     struct tile_cache *cache;
     struct dig *dig, *own_dig; /* the latter where it is not shared */
     struct terrain_facts facts;
-    bool streams; /* tiles are pinned, not waited for */
+    struct database_extent covered; /* by the coarsest tiles */
+    bool streams;                   /* tiles are pinned, not waited for */
     double focus_lat_deg, focus_lon_deg;
 };
 
@@ -134,10 +136,34 @@ static float rank_of(const struct database_source *source, struct tile_id id)
     return (float)(-RANK_PER_LEVEL * id.level + fmin(fmax(east, north), RANK_PER_LEVEL));
 }
 
+/* Whether a tile lies off the database, with a cell to spare. A small database has no coarse
+ * levels: the windows far around it would be thousands of tiles that are not there. */
+static bool is_beyond(const struct database_source *source, struct tile_id id)
+{
+    const struct grid *grid = &source->database->grid;
+    const struct database_extent *covered = &source->covered;
+    if (!covered->any)
+        return true;
+    double lat_step_deg = grid_lat_step_deg(grid, id.level);
+    double lon_step_deg = grid_lon_step_deg(grid, id.level, grid_lon_shift(grid, id.level, id.row));
+    double lat_deg = ((double)id.row + 0.5) * TILE_CELLS * lat_step_deg;
+    double lon_deg = ((double)id.col + 0.5) * TILE_CELLS * lon_step_deg - 180.0;
+    double far_lat_deg =
+        0.5 * (covered->north_deg - covered->south_deg + (TILE_CELLS + 4) * lat_step_deg);
+    double far_lon_deg =
+        0.5 * (covered->east_deg - covered->west_deg + (TILE_CELLS + 4) * lon_step_deg);
+    return fabs(lat_deg - 0.5 * (covered->south_deg + covered->north_deg)) > far_lat_deg ||
+           fabs(remainder(lon_deg - 0.5 * (covered->west_deg + covered->east_deg), 360.0)) >
+               far_lon_deg;
+}
+
 static const float *take_tile(struct sampling *sampling, struct tile_id id, struct tile_pin *pin)
 {
     struct database_source *source = sampling->source;
     int status;
+    *pin = (struct tile_pin){.entry = TILE_NONE};
+    if (is_beyond(source, id))
+        return NULL;
     if (!source->streams)
         return tile_cache_look(source->cache, id, &status);
     tile_cache_pin(source->cache, id, rank_of(source, id), pin);
@@ -360,7 +386,8 @@ static void prefetch_tile_row(struct database_source *source, int level, int32_t
     int64_t east = (int64_t)floor(grid_col_at(of, level, shift, east_deg) / TILE_CELLS);
     for (int64_t col = west; col <= east && col < west + around; col++) {
         struct tile_id id = {level, row, (int32_t)(col - grid_floor_div(col, around) * around)};
-        tile_cache_want(source->cache, id, RANK_AHEAD + rank_of(source, id));
+        if (!is_beyond(source, id))
+            tile_cache_want(source->cache, id, RANK_AHEAD + rank_of(source, id));
     }
 }
 
@@ -454,6 +481,8 @@ int database_source_open(const char *path, unsigned cache_tiles, struct terrain_
     source->dig = source->own_dig;
     if (r == 0)
         r = database_extent_of(source->database, &extent, diag);
+    if (r == 0)
+        r = database_extent_of_top(source->database, &source->covered, diag);
     if (r < 0) {
         source_destroy(&source->source);
         return r;

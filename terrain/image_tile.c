@@ -52,10 +52,11 @@ const struct image_light *image_light_of(enum image_kind kind)
 void image_texel_from_light(const struct image_light *light, const float sums[4],
                             uint8_t ret_rgba[4])
 {
-    float alpha = fminf(sums[3], 1.0f);
+    float alpha = sums[3] < 1.0f ? sums[3] : 1.0f; /* fminf is a call here */
     ret_rgba[3] = (uint8_t)lrintf(255.0f * alpha);
     for (int i = 0; i < 3; i++) {
-        float share = ret_rgba[3] ? fminf(sums[i] / sums[3], 1.0f) : 0.0f;
+        float share = ret_rgba[3] ? sums[i] / sums[3] : 0.0f;
+        share = share < 1.0f ? share : 1.0f;
         ret_rgba[i] = light->coded[(int)(share * IMAGE_LIGHT_STEPS + 0.5f)];
     }
 }

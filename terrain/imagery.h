@@ -42,9 +42,10 @@ int imagery_read_tile(struct imagery *imagery, struct tile_id id, uint8_t *ret_r
 /* The share of water in each of IMAGE_TEXELS, 255 = all; 0 where no mask says. As above. */
 int imagery_read_water(struct imagery *imagery, struct tile_id id, uint8_t *ret_water);
 
-/* At every post of a grid the colour [rows][cols][4] and the share of water [rows][cols]; either
- * may be NULL. The mean, falling off linearly to the neighbouring posts, of the texels around the
- * post; between texels, bilinear. Returns 0, -EINVAL, -ENOMEM. */
+/* At every post of a grid the colour [rows][cols][4] and the water [rows][cols][2]: the share of
+ * the place that a mask says is water, and the share that a mask knows of. Either may be NULL. The
+ * mean, falling off linearly to the neighbouring posts, of the texels around the post; between
+ * texels, bilinear. Returns 0, -EINVAL, -ENOMEM. */
 int imagery_sample_grid(struct imagery *imagery, const struct terrain_grid *grid, uint8_t *ret_rgba,
                         uint8_t *ret_water);
 

@@ -1,5 +1,6 @@
-/* Imagery on any regular grid. A row of posts is the weighted mean of rows of texels; each of these
- * is walked tile by tile, since the longitude factor may change from one to the next. */
+/* Imagery on any regular grid. A row of texels is first brought to the columns of the posts, tile
+ * by tile, since the longitude factor may change from one to the next; a row of posts is the
+ * weighted mean of such rows, of which the last ones are kept. */
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -8,6 +9,22 @@
 #include "terrain/imagery.h"
 
 #define POSTS_MAX (1 << 20) /* a side */
+#define ROWS_KEPT 8         /* a power of two; a row of posts needs five at most, but at the top */
+
+/* What of a row of texels counts for each column of posts: from `first` on, round the globe. */
+struct taps {
+    unsigned shift; /* the longitude factor for which this holds */
+    int most;       /* a column has, 0: nothing is known yet */
+    int64_t around; /* texels round the globe */
+    int64_t *first; /* [cols] */
+    float *weights; /* [cols][most], in all 1 */
+};
+
+/* A row of texels, brought to the columns of the posts: sums as image_texel_from_light has them. */
+struct kept_row {
+    int64_t row;
+    float (*sums)[4]; /* [cols] */
+};
 
 struct sampling {
     struct imagery *imagery;
@@ -16,6 +33,8 @@ struct sampling {
     const struct image_light *light;
     enum image_kind kind;
     int level;
+    struct taps taps;
+    struct kept_row kept[ROWS_KEPT];
     float (*sums)[4]; /* of a row of posts */
 };
 
@@ -47,49 +66,89 @@ static const uint8_t *texel_row(struct sampling *sampling, int64_t row, int64_t 
     return rgba ? rgba + 4 * IMAGE_SIDE * (row - (int64_t)id.row * IMAGE_SIDE) : NULL;
 }
 
-static void add_texel(const struct image_light *light, const uint8_t *texel, double weight,
+static void add_texel(const struct image_light *light, const uint8_t *texel, float weight,
                       float sums[4])
 {
-    float share = (float)weight * (float)texel[3] / 255.0f;
+    float share = weight * (float)texel[3] / 255.0f;
     for (int band = 0; band < 3; band++)
         sums[band] += share * light->linear[texel[band]];
     sums[3] += share;
 }
 
-/* Adds a row of texels to the row of posts, with a weight. */
-static void add_row(struct sampling *sampling, int64_t row, double row_weight)
+/* The weights for a longitude factor. Returns 0 or -ENOMEM. */
+static int make_taps(struct sampling *sampling, unsigned shift)
 {
     const struct grid *grid = &sampling->grid->grid;
     const struct terrain_grid *posts = sampling->posts;
+    struct taps *taps = &sampling->taps;
     int level = sampling->level + sampling->grid->finer;
-    unsigned shift = grid_lon_shift(grid, level, (int32_t)grid_floor_div(row, IMAGE_SIDE));
-    double texel_deg = 0.5 * grid_lon_step_deg(grid, level, shift);
-    double width = fmax(1.0, posts->lon_step_deg / texel_deg);
-    int64_t around = image_grid_cols(sampling->grid, sampling->level, shift);
-    int64_t held = -1;
-    const uint8_t *texels = NULL;
-    for (int col = 0; col < posts->cols; col++) {
+    double width = fmax(1.0, posts->lon_step_deg / (0.5 * grid_lon_step_deg(grid, level, shift)));
+    int most = 2 * (int)ceil(width) + 1;
+    float *weights = realloc(taps->weights, (size_t)posts->cols * (size_t)most * sizeof(*weights));
+    if (!weights)
+        return -ENOMEM;
+    taps->weights = weights;
+    taps->most = most;
+    taps->shift = shift;
+    taps->around = image_grid_cols(sampling->grid, sampling->level, shift);
+    for (int col = 0; col < posts->cols; col++, weights += most) {
         double lon_deg = (double)(posts->col0 + col) * posts->lon_step_deg;
         lon_deg -= 360.0 * floor((lon_deg + 180.0) / 360.0);
         double x = 2.0 * grid_col_at(grid, level, shift, lon_deg) - 0.5, total = 0.0;
-        int64_t first = (int64_t)floor(x - width) + 1, last = (int64_t)ceil(x + width) - 1;
-        for (int64_t i = first; i <= last; i++)
-            total += triangle((double)i - x, width);
-        for (int64_t i = first; i <= last; i++) {
-            int64_t at = i - grid_floor_div(i, around) * around;
+        int64_t first = (int64_t)floor(x - width) + 1;
+        for (int i = 0; i < most; i++)
+            total += triangle((double)(first + i) - x, width);
+        for (int i = 0; i < most; i++)
+            weights[i] = (float)(triangle((double)(first + i) - x, width) / total);
+        taps->first[col] = first - grid_floor_div(first, taps->around) * taps->around;
+    }
+    return 0;
+}
+
+/* Brings a row of texels to the columns of the posts. */
+static int bring_row(struct sampling *sampling, int64_t row, float (*ret_sums)[4])
+{
+    struct taps *taps = &sampling->taps;
+    unsigned shift = grid_lon_shift(&sampling->grid->grid, sampling->level + sampling->grid->finer,
+                                    (int32_t)grid_floor_div(row, IMAGE_SIDE));
+    if ((taps->most == 0 || taps->shift != shift) && make_taps(sampling, shift) < 0)
+        return -ENOMEM;
+    int64_t held = -1;
+    const uint8_t *texels = NULL;
+    const float *weights = taps->weights;
+    memset(ret_sums, 0, (size_t)sampling->posts->cols * sizeof(*ret_sums));
+    for (int col = 0; col < sampling->posts->cols; col++, weights += taps->most) {
+        int64_t at = taps->first[col];
+        for (int i = 0; i < taps->most; i++, at = at + 1 < taps->around ? at + 1 : 0) {
+            if (weights[i] <= 0.0f)
+                continue;
             if (at / IMAGE_SIDE != held) {
                 held = at / IMAGE_SIDE;
                 texels = texel_row(sampling, row, held);
             }
             if (texels)
-                add_texel(sampling->light, texels + 4 * (at - held * IMAGE_SIDE),
-                          row_weight * triangle((double)i - x, width) / total, sampling->sums[col]);
+                add_texel(sampling->light, texels + 4 * (at - held * IMAGE_SIDE), weights[i],
+                          ret_sums[col]);
         }
     }
+    return 0;
+}
+
+/* A row of texels at the columns of the posts; NULL without memory. Valid until the next call. */
+static const float (*row_of(struct sampling *sampling, int64_t row))[4]
+{
+    struct kept_row *kept = &sampling->kept[row & (ROWS_KEPT - 1)];
+    if (kept->row != row) {
+        kept->row = INT64_MIN;
+        if (bring_row(sampling, row, kept->sums) < 0)
+            return NULL;
+        kept->row = row;
+    }
+    return (const float(*)[4])kept->sums;
 }
 
 /* Sums over the rows of texels around a row of posts. */
-static void sum_row(struct sampling *sampling, int post_row)
+static int sum_row(struct sampling *sampling, int post_row)
 {
     const struct grid *grid = &sampling->grid->grid;
     const struct terrain_grid *posts = sampling->posts;
@@ -104,27 +163,42 @@ static void sum_row(struct sampling *sampling, int post_row)
         total += triangle((double)i - y, width);
     memset(sampling->sums, 0, (size_t)posts->cols * sizeof(*sampling->sums));
     for (int64_t i = first; i <= last; i++) {
-        double weight = triangle((double)i - y, width) / total;
-        if (weight > 0.0)
-            add_row(sampling, i < lowest ? lowest : i > highest ? highest : i, weight);
+        float weight = (float)(triangle((double)i - y, width) / total);
+        const float(*row)[4] = row_of(sampling, i < lowest ? lowest : i > highest ? highest : i);
+        if (!row)
+            return -ENOMEM;
+        for (int col = 0; col < posts->cols; col++)
+            for (int band = 0; band < 4; band++)
+                sampling->sums[col][band] += weight * row[col][band];
     }
+    return 0;
 }
 
-static void sample_kind(struct sampling *sampling, enum image_kind kind, uint8_t *ret_rgba,
-                        uint8_t *ret_water)
+static void water_from_light(const float sums[4], uint8_t ret_water[2])
 {
+    ret_water[0] = (uint8_t)lrintf(255.0f * fminf(sums[0], 1.0f));
+    ret_water[1] = (uint8_t)lrintf(255.0f * fminf(sums[3], 1.0f));
+}
+
+static int sample_kind(struct sampling *sampling, enum image_kind kind, uint8_t *ret_rgba,
+                       uint8_t *ret_water)
+{
+    int r = 0;
     sampling->kind = kind;
     sampling->light = image_light_of(kind);
-    for (int row = 0; row < sampling->posts->rows; row++) {
-        sum_row(sampling, row);
-        for (int col = 0; col < sampling->posts->cols; col++) {
+    for (int i = 0; i < ROWS_KEPT; i++)
+        sampling->kept[i].row = INT64_MIN;
+    for (int row = 0; row < sampling->posts->rows && r == 0; row++) {
+        r = sum_row(sampling, row);
+        for (int col = 0; col < sampling->posts->cols && r == 0; col++) {
             size_t at = (size_t)row * (size_t)sampling->posts->cols + (size_t)col;
             if (ret_rgba)
                 image_texel_from_light(sampling->light, sampling->sums[col], ret_rgba + 4 * at);
-            else /* water where the mask says so: its share of all */
-                ret_water[at] = (uint8_t)lrintf(255.0f * fminf(sampling->sums[col][0], 1.0f));
+            else
+                water_from_light(sampling->sums[col], ret_water + 2 * at);
         }
     }
+    return r;
 }
 
 int imagery_sample_grid(struct imagery *imagery, const struct terrain_grid *grid, uint8_t *ret_rgba,
@@ -137,13 +211,19 @@ int imagery_sample_grid(struct imagery *imagery, const struct terrain_grid *grid
                                 .grid = imagery_grid(imagery),
                                 .posts = grid,
                                 .level = level_for(imagery, grid)};
-    sampling.sums = malloc(((size_t)grid->cols + 1) * sizeof(*sampling.sums));
-    if (!sampling.sums)
-        return -ENOMEM;
-    if (ret_rgba)
-        sample_kind(&sampling, IMAGE_COLOUR, ret_rgba, NULL);
-    if (ret_water)
-        sample_kind(&sampling, IMAGE_WATER, NULL, ret_water);
-    free(sampling.sums);
-    return 0;
+    size_t cols = (size_t)grid->cols;
+    float(*rows)[4] = malloc((ROWS_KEPT + 1) * (cols + 1) * sizeof(*rows));
+    sampling.taps.first = malloc((cols + 1) * sizeof(*sampling.taps.first));
+    sampling.sums = rows;
+    for (size_t i = 0; i < ROWS_KEPT && rows; i++)
+        sampling.kept[i].sums = rows + (i + 1) * cols;
+    int r = rows && sampling.taps.first ? 0 : -ENOMEM;
+    if (r == 0 && ret_rgba)
+        r = sample_kind(&sampling, IMAGE_COLOUR, ret_rgba, NULL);
+    if (r == 0 && ret_water)
+        r = sample_kind(&sampling, IMAGE_WATER, NULL, ret_water);
+    free(rows);
+    free(sampling.taps.first);
+    free(sampling.taps.weights);
+    return r;
 }

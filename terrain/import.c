@@ -10,6 +10,7 @@
 #include "terrain/database_lock.h"
 #include "terrain/import_imagery.h"
 #include "terrain/import_part.h"
+#include "terrain/parallel.h"
 
 /* What all threads and GDAL's cache may take together; the rest is the process itself. A large
  * cache spares rasters in strips from being unpacked again for every block. */
@@ -75,6 +76,12 @@ bool import_on_scan(void *user, uint64_t done, uint64_t total)
            scan->params->progress(scan->params->user, IMPORT_READING, scan->name, done, total);
 }
 
+/* Each source is one shard's to check. */
+static bool checks(const struct import_params *params, size_t source)
+{
+    return params->shard_count == 0 || source % params->shard_count == params->shard;
+}
+
 /* Opens every new source, and reads it where no earlier try has. */
 static int scan_sources(struct import_job *job, bool read, struct diag *diag)
 {
@@ -86,7 +93,7 @@ static int scan_sources(struct import_job *job, bool read, struct diag *diag)
         if (source->done)
             continue;
         int r = raster_open(source->path, &options, &raster, diag);
-        if (r == 0 && read)
+        if (r == 0 && read && checks(job->params, i))
             r = raster_scan(raster, import_on_scan, &scan, diag);
         if (r == 0)
             raster_get_facts(raster, &source->facts);
@@ -101,16 +108,14 @@ static int scan_sources(struct import_job *job, bool read, struct diag *diag)
 
 static int check_geoids(const struct import_job *job, struct diag *diag)
 {
-    for (size_t i = 0; i < job->params->input_count; i++) {
+    char path[2 * DATABASE_NAME_MAX];
+    int r = 0;
+    for (size_t i = 0; r == 0 && i < job->params->input_count; i++) {
         const struct import_options *options = &job->params->inputs[i].options;
-        if ((options->vertical == IMPORT_EGM2008 || options->vertical == IMPORT_EGM84) &&
-            !options->geoid_path)
-            return diag_set(diag, -EINVAL,
-                            "--vertical %s needs that geoid's grid: give it with --geoid FILE (a "
-                            "PGM file of GeographicLib)",
-                            import_vertical_name(options->vertical));
+        if (options->vertical == IMPORT_EGM2008 || options->vertical == IMPORT_EGM84)
+            r = import_find_geoid(options, path, sizeof(path), diag);
     }
-    return 0;
+    return r;
 }
 
 /* What tells this import from others: its sources in their order, what becomes of them, and the
@@ -344,9 +349,8 @@ int import_run(const struct import_params *params, struct import_result *ret_res
     struct import_job *job = calloc(1, sizeof(*job));
     if (!job)
         return -ENOMEM;
-    long processors = sysconf(_SC_NPROCESSORS_ONLN);
     job->params = params;
-    job->jobs = params->jobs ? params->jobs : processors > 0 ? (unsigned)processors : 1;
+    job->jobs = params->jobs ? params->jobs : parallel_processors();
     if (job->jobs > PYRAMID_JOBS_MAX)
         job->jobs = PYRAMID_JOBS_MAX;
     raster_start_up(MEMORY_MIB - (int)job->jobs * WORKER_MIB);

@@ -1,11 +1,11 @@
 /* Rasters into a terrain database. Only the import program links this (and GDAL).
  *
- * Every raster is read once from end to end before the first byte is written: damage, an image
- * taken for elevation, or a raster without data is found while there is nothing to undo. Then block
- * after block (terrain/pyramid.h) is sampled from all sources that touch it, and stored in a file
- * beside the database; an import that was stopped anywhere goes on there when it is run again. When
- * all is done the database is made from that file and, where there was one, from the old database:
- * in one step, so that there is always a whole one.
+ * Every raster is read once from end to end before the first byte is written (of shards, by one of
+ * them): damage, an image taken for elevation, or a raster without data is found while there is
+ * nothing to undo. Then block after block (terrain/pyramid.h) is sampled from all sources that
+ * touch it, and stored in a file beside the database; an import that was stopped anywhere goes on
+ * there when it is run again. When all is done the database is made from that file and, where there
+ * was one, from the old database: in one step, so that there is always a whole one.
  *
  * A file that is there already, unchanged and read with the same options, is skipped. Read with
  * others (vertical, crs, nodata, priority) it replaces what it gave before; what had been covered
@@ -45,7 +45,7 @@ typedef void (*import_beyond_function)(void *user, const char *source,
 /* How a source is read. */
 struct import_options {
     enum import_vertical vertical;
-    const char *geoid_path; /* PGM of GeographicLib; needed for EGM2008 and EGM84, else NULL */
+    const char *geoid_path; /* for EGM2008 and EGM84: PGM of GeographicLib; NULL: one it finds */
     const char *crs;        /* for rasters without a usable one; NULL */
     bool has_nodata;
     double nodata;

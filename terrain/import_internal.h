@@ -74,10 +74,15 @@ int import_choose_grid(struct import_job *job, struct diag *diag);
 struct import_datum {
     struct geoid *egm96;
     struct import_geoid {
-        const char *path;
+        char path[2 * DATABASE_NAME_MAX];
         struct geoid *geoid;
     } geoids[IMPORT_GEOIDS_MAX];
 };
+
+/* The grid of a source's geoid, of EGM2008 or EGM84: the option's, or one that GeographicLib would
+ * find. -EINVAL where there is none, with where to get it. */
+int import_find_geoid(const struct import_options *options, char *ret_path, size_t size,
+                      struct diag *diag);
 
 /* Brings heights on a lattice to EGM96: an ellipsoidal height loses the undulation; one above
  * another geoid first becomes ellipsoidal. */

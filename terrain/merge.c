@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "terrain/database_lock.h"
+#include "terrain/parallel.h"
 #include "terrain/pyramid.h"
 
 struct merge {
@@ -105,11 +106,9 @@ int merge_shards(const char *database, const char *const *shards, size_t count, 
     struct database_params params;
     struct pyramid_area *areas = NULL;
     struct database_lock *lock = NULL;
-    struct pyramid_params pyramid = {.jobs = jobs, .progress = progress, .user = user};
+    struct pyramid_params pyramid = {
+        .jobs = jobs ? jobs : parallel_processors(), .progress = progress, .user = user};
     int r = merge.shards ? 0 : -ENOMEM;
-    long processors = sysconf(_SC_NPROCESSORS_ONLN);
-    if (!jobs)
-        pyramid.jobs = processors > 0 ? (unsigned)processors : 1;
     pyramid.jobs = pyramid.jobs > PYRAMID_JOBS_MAX ? PYRAMID_JOBS_MAX : pyramid.jobs;
     snprintf(path, sizeof(path), "%.*s" DATABASE_PART_SUFFIX, DATABASE_NAME_MAX - 1, database);
     if (r == 0)

@@ -68,10 +68,12 @@ struct seen {
 static inline struct seen see(struct imagery *imagery, double lat_deg, double lon_deg)
 {
     struct seen seen = {{0}, 0};
+    uint8_t water[2];
     const double step_deg = 1e-7;
     struct terrain_grid grid = {
         step_deg, step_deg, llrint(lat_deg / step_deg), llrint(lon_deg / step_deg), 1, 1};
-    CHECK_INT(imagery_sample_grid(imagery, &grid, seen.rgba, &seen.water), 0);
+    CHECK_INT(imagery_sample_grid(imagery, &grid, seen.rgba, water), 0);
+    seen.water = water[0];
     return seen;
 }
 

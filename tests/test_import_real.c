@@ -68,7 +68,7 @@ static void test_real_coast(void)
     terrain_source_destroy(source);
     check_run(run("--verify '%s' '%s' --json", in("coast.db"), data("terrain/N43E007.hgt.zip")), 0);
     CHECK_CONTAINS(output, "\"exact\": true");
-    CHECK_CONTAINS(output, "\"elsewhere\": 0, \"beyond\": 0, \"worst_m\": 0.0,");
+    CHECK_CONTAINS(output, "\"elsewhere\": 0, \"feathered\": 0, \"beyond\": 0, \"worst_m\": 0.0,");
     check_run(run("--verify '%s' '%s' --json", in("coast.db"), data("terrain/etopo5.tif")), 0);
 }
 
@@ -173,11 +173,84 @@ static void test_flightgear(void)
     CHECK(errors_m[count - 1] <= 0.5);
 }
 
+static double five_hundred(double lon, double lat)
+{
+    return 500.0;
+}
+
+/* A height of 500 m at a place, above that datum, as the database has it. */
+static double stored_m(double lat, double lon, const char *options)
+{
+    struct made made = {5, 5, lon - 0.025, lat + 0.025, 0.01, -0.01, 4326, GDT_Float32, NAN, 0.0};
+    unlink(in("datum.db"));
+    make_raster(in("datum.tif"), &made, five_hundred);
+    check_run(run("'%s' -o '%s' -q --max-error 0.001 %s", in("datum.tif"), in("datum.db"), options),
+              0);
+    struct terrain_source *source = open_source(in("datum.db"));
+    double found_m = source ? height_at(source, lat, lon) : NAN;
+    terrain_source_destroy(source);
+    return found_m;
+}
+
+/* NGA's published undulations (by a spline; ours are cubic). */
+static void test_ellipsoid_vectors(void)
+{
+    FILE *file = fopen(data("vectors/egm96_nga_outintpt.txt"), "r");
+    char line[256];
+    double lat, lon, undulation_m;
+    int points = 0;
+    setenv("XDG_CACHE_HOME", directory, 1);
+    while (file && fgets(line, sizeof(line), file))
+        if (line[0] != '#' && sscanf(line, "%lf %lf %lf", &lat, &lon, &undulation_m) == 3) {
+            CHECK_NEAR(stored_m(lat, lon, "--vertical ellipsoid"), 500.0 - undulation_m, 0.05);
+            points++;
+        }
+    if (file)
+        fclose(file);
+    CHECK_INT(points, 6);
+}
+
+/* A node of a GeographicLib grid of 30', from the file's bytes. */
+static double node_m(const char *path, double lat, double lon)
+{
+    static uint8_t bytes[600000];
+    FILE *file = fopen(path, "rb");
+    size_t size = file ? fread(bytes, 1, sizeof(bytes), file) : 0;
+    if (file)
+        fclose(file);
+    size_t samples = 2 * 720 * 361, row = (size_t)lrint((90.0 - lat) * 2.0);
+    size_t col = (size_t)lrint(fmod(lon + 360.0, 360.0) * 2.0) % 720;
+    CHECK(size > samples);
+    const uint8_t *at = bytes + size - samples + 2 * (row * 720 + col);
+    return -108.0 + 0.003 * (at[0] << 8 | at[1]);
+}
+
+/* EGM84 heights: at the nodes of its grid, given or found where GeographicLib looks. */
+static void test_egm84(void)
+{
+    const double places[][2] = {{45.0, 7.0}, {-33.5, -70.5}, {27.5, 86.5}, {0.5, 100.0}};
+    char options[700];
+    for (int i = 0; i < 4; i++) {
+        double lat = places[i][0], lon = places[i][1];
+        double egm96_m = 500.0 - stored_m(lat, lon, "--vertical ellipsoid");
+        double expected_m = 500.0 + node_m(data("geoid/egm84-30.pgm"), lat, lon) - egm96_m;
+        snprintf(options, sizeof(options), "--vertical egm84 --geoid '%s'",
+                 data("geoid/egm84-30.pgm"));
+        double given_m = stored_m(lat, lon, options);
+        CHECK_NEAR(given_m, expected_m, 0.28); /* the grid's MaxCubicError, 0.274 */
+        setenv("GEOGRAPHICLIB_GEOID_PATH", data("geoid"), 1);
+        CHECK_NEAR(stored_m(lat, lon, "--vertical egm84"), given_m, 0.0);
+        unsetenv("GEOGRAPHICLIB_GEOID_PATH");
+    }
+}
+
 static const struct check_test tests[] = {
     {"real geographic rasters are met at every post", test_real_rasters},
     {"bathymetry lies under a coast and in its voids", test_real_coast},
     {"a mountain's voids are filled", test_real_voids},
     {"real projected, float and damaged rasters", test_real_others},
+    {"ellipsoidal heights at NGA's published points become EGM96 ones", test_ellipsoid_vectors},
+    {"EGM84 heights become EGM96 ones, by a grid that is given or found", test_egm84},
     {"FlightGear's height above ground is met", test_flightgear},
 };
 

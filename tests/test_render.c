@@ -1,65 +1,5 @@
 /* The drawn frame against analytic ground, on whatever OpenGL 4.5 there is (llvmpipe in CI). */
-#include <errno.h>
-
-#include "geo/geographic.h"
-#include "render/geo_pixels.h"
-#include "render/readback.h"
-#include "render/renderer.h"
-#include "tests/check.h"
-
-#define WIDTH  320
-#define HEIGHT 180
-
-/* Ground as a formula: the height is above the ellipsoid, for there is no geoid here. */
-struct formula {
-    struct terrain_source source;
-    double (*height_m)(double lat_deg, double lon_deg);
-    double step_deg;
-};
-
-static int formula_grid(struct terrain_source *source, const struct terrain_grid *grid, float *ret)
-{
-    struct formula *formula = (struct formula *)source;
-    for (int r = 0; r < grid->rows; r++)
-        for (int c = 0; c < grid->cols; c++)
-            *ret++ = (float)formula->height_m((double)(grid->row0 + r) * grid->lat_step_deg,
-                                              (double)(grid->col0 + c) * grid->lon_step_deg);
-    return 0;
-}
-
-static int formula_point(struct terrain_source *source, double lat_deg, double lon_deg, double *ret)
-{
-    *ret = ((struct formula *)source)->height_m(lat_deg, lon_deg);
-    return 0;
-}
-
-static void formula_facts(const struct terrain_source *source, struct terrain_facts *ret_facts)
-{
-    *ret_facts =
-        (struct terrain_facts){.finest_lat_step_deg = ((const struct formula *)source)->step_deg};
-}
-
-static void formula_destroy(struct terrain_source *source)
-{
-    free(source);
-}
-
-static const struct terrain_source_ops formula_ops = {formula_grid, formula_point, formula_facts,
-                                                      formula_destroy};
-
-static struct terrain_source *formula_create(double (*height_m)(double, double))
-{
-    struct formula *formula = calloc(1, sizeof(*formula));
-    *formula = (struct formula){
-        .source.ops = &formula_ops, .height_m = height_m, .step_deg = 1.0 / 98304.0};
-    return &formula->source;
-}
-
-static double flat_ground(double lat_deg, double lon_deg)
-{
-    (void)lat_deg, (void)lon_deg;
-    return 100.0;
-}
+#include "tests/render_fixture.h"
 
 /* A different height at every post: the worst ground that there can be for shared edges. */
 static double rough_ground(double lat_deg, double lon_deg)
@@ -76,88 +16,6 @@ static double hilly_ground(double lat_deg, double lon_deg)
     const double turn = 2.0 * M_PI; /* whole waves a degree: the same across the antimeridian */
     return 600.0 + 300.0 * sin(turn * 28.0 * lat_deg) * cos(turn * 24.0 * lon_deg) +
            3.0 * sin(turn * 320.0 * lat_deg + 1.0) * sin(turn * 270.0 * lon_deg);
-}
-
-static struct gl_facts gl;
-
-struct scene_under_test {
-    struct renderer *renderer;
-    struct readback *depth, *colour;
-};
-
-static bool open_scene(double (*height_m)(double, double), int n, struct scene_under_test *ret)
-{
-    struct terrain_source *source = formula_create(height_m);
-    struct terrain_facts facts;
-    source->ops->facts(source, &facts);
-    struct renderer_params params = {
-        .width = WIDTH,
-        .height = HEIGHT,
-        .shape = renderer_shape(&facts, HEIGHT, 0.25, gl.software),
-        .source = source,
-    };
-    if (n) {
-        params.shape.levels += (int)lround(log2((params.shape.n + 1.0) / (n + 1.0)));
-        params.shape.n = n;
-    }
-    struct diag diag = {0};
-    int r = renderer_create(&params, &gl, &ret->renderer, &diag);
-    if (r == 0)
-        r = readback_create(WIDTH, HEIGHT, READBACK_DEPTH, &ret->depth, &diag);
-    if (r == 0)
-        r = readback_create(WIDTH, HEIGHT, READBACK_COLOUR, &ret->colour, &diag);
-    if (r < 0)
-        CHECK_FAIL("%s", diag.text);
-    return r == 0;
-}
-
-static void close_scene(struct scene_under_test *scene)
-{
-    readback_destroy(scene->depth);
-    readback_destroy(scene->colour);
-    renderer_destroy(scene->renderer);
-}
-
-static struct view view_at(double lat_deg, double lon_deg, double height_m, double heading_deg,
-                           double pitch_deg, double roll_deg)
-{
-    static const struct channel_geometry geometry = {
-        .left_deg = -30, .right_deg = 30, .bottom_deg = -18, .top_deg = 18};
-    struct pose pose = {.position = {lat_deg, lon_deg, height_m},
-                        .attitude = {roll_deg, pitch_deg, heading_deg}};
-    struct view view;
-    view_from_pose(&pose, &geometry, &view);
-    view.near_m = 0.5;
-    view.visibility_m = 40000;
-    view.sun_enu[0] = view.sun_enu[2] = 0.7071;
-    return view;
-}
-
-/* Draws with all terrain there; the pixels land in `ret` ([HEIGHT][WIDTH], rows from the bottom).
- */
-static void draw(struct scene_under_test *scene, struct view *view, float *ret_depth,
-                 uint32_t *ret_colour, struct renderer_frame *ret_frame)
-{
-    struct renderer_frame frame;
-    for (int i = 0; i < 2; i++) { /* the second time with the ground's height known */
-        renderer_wish(scene->renderer, &view->eye, true);
-        renderer_wait(scene->renderer);
-        renderer_draw(scene->renderer, view);
-        renderer_finish(scene->renderer, &frame);
-    }
-    uint64_t number;
-    if (ret_depth) {
-        readback_start(scene->depth, renderer_depth_framebuffer(scene->renderer), 0);
-        memcpy(ret_depth, readback_take(scene->depth, true, &number), WIDTH * HEIGHT * 4);
-        readback_release(scene->depth);
-    }
-    if (ret_colour) {
-        readback_start(scene->colour, renderer_framebuffer(scene->renderer), 0);
-        memcpy(ret_colour, readback_take(scene->colour, true, &number), WIDTH * HEIGHT * 4);
-        readback_release(scene->colour);
-    }
-    if (ret_frame)
-        *ret_frame = frame;
 }
 
 /* The angle of a pixel's ray above the horizontal. */
@@ -191,7 +49,7 @@ static const double places[][2] = {
 static void rough_ground_has_no_cracks(void)
 {
     struct scene_under_test scene = {0};
-    if (!open_scene(rough_ground, 0, &scene))
+    if (!open_scene(rough_ground, 0, NULL, &scene))
         return;
     static float depth[WIDTH * HEIGHT];
     int cracks = 0, frames = 0;
@@ -219,7 +77,7 @@ static void rough_ground_has_no_cracks(void)
 static void a_flight_has_no_cracks_at_any_step(void)
 {
     struct scene_under_test scene = {0};
-    if (!open_scene(rough_ground, 63, &scene))
+    if (!open_scene(rough_ground, 63, NULL, &scene))
         return;
     static float depth[WIDTH * HEIGHT];
     int cracks = 0;
@@ -239,7 +97,7 @@ static void a_flight_has_no_cracks_at_any_step(void)
 static void flat_ground_lies_where_it_should(void)
 {
     struct scene_under_test scene = {0};
-    if (!open_scene(flat_ground, 0, &scene))
+    if (!open_scene(flat_ground, 0, NULL, &scene))
         return;
     static float depth[WIDTH * HEIGHT];
     static double pixels[WIDTH * HEIGHT * 3];
@@ -279,7 +137,7 @@ static void flat_ground_lies_where_it_should(void)
 static void hills_lie_where_they_should(void)
 {
     struct scene_under_test scene = {0};
-    if (!open_scene(hilly_ground, 0, &scene))
+    if (!open_scene(hilly_ground, 0, NULL, &scene))
         return;
     static float depth[WIDTH * HEIGHT];
     static double pixels[WIDTH * HEIGHT * 3];
@@ -306,7 +164,7 @@ static void hills_lie_where_they_should(void)
 static void the_same_pose_gives_the_same_pixels(void)
 {
     struct scene_under_test scene = {0};
-    if (!open_scene(hilly_ground, 0, &scene))
+    if (!open_scene(hilly_ground, 0, NULL, &scene))
         return;
     static uint32_t first[WIDTH * HEIGHT], again[WIDTH * HEIGHT];
     struct view view = view_at(46.5, 8.0, 1100.0, 50.0, -10.0, 0.0);
@@ -323,7 +181,7 @@ static void the_same_pose_gives_the_same_pixels(void)
 static void the_antimeridian_is_not_seen(void)
 {
     struct scene_under_test scene = {0};
-    if (!open_scene(rough_ground, 0, &scene))
+    if (!open_scene(rough_ground, 0, NULL, &scene))
         return;
     static float before[WIDTH * HEIGHT], after[WIDTH * HEIGHT];
     struct view west = view_at(10.0, 180.0, 1100.0, 90.0, -10.0, 0.0);
@@ -345,7 +203,7 @@ static void the_cpu_sends_at_most_43_vertices_a_level(void)
         if (gl.software && sizes[i] > 255)
             continue; /* one of its blocks would exceed what a software draw may emit */
         struct scene_under_test scene = {0};
-        if (!open_scene(hilly_ground, sizes[i], &scene))
+        if (!open_scene(hilly_ground, sizes[i], NULL, &scene))
             return;
         static float depth[WIDTH * HEIGHT];
         struct view view = view_at(46.5, 8.0, 1100.0, 50.0, -10.0, 0.0);
@@ -366,7 +224,7 @@ static void the_cpu_sends_at_most_43_vertices_a_level(void)
 static void views_of_any_direction_and_height_are_drawn(void)
 {
     struct scene_under_test scene = {0};
-    if (!open_scene(hilly_ground, 0, &scene))
+    if (!open_scene(hilly_ground, 0, NULL, &scene))
         return;
     static float depth[WIDTH * HEIGHT];
     /* Straight down: ground everywhere. Straight up: none. Below the ground, and very high: drawn
@@ -404,19 +262,5 @@ int main(void)
         {"views of any direction and height are drawn",
          views_of_any_direction_and_height_are_drawn},
     };
-    struct gl_context *context;
-    struct diag diag = {0};
-    int r = gl_context_create_headless(&context, &diag);
-    if (r == -ENODEV) {
-        printf("skipped: %s\n", diag.text);
-        return 77;
-    }
-    if (r < 0 || gl_facts_gather(&gl, &diag) < 0) {
-        fprintf(stderr, "%s\n", diag.text);
-        return 1;
-    }
-    printf("%s\n", gl.renderer);
-    r = CHECK_MAIN(tests);
-    gl_context_destroy(context);
-    return r;
+    return render_tests_main(tests, sizeof(tests) / sizeof(tests[0]), check_main);
 }

@@ -77,6 +77,30 @@ static void what_was_asked_for_ahead_is_there(void)
     terrain_source_destroy(source);
 }
 
+/* A window a thousand kilometres wide over two degrees: what lies beyond them is no tile to wait
+ * for. */
+static void a_small_database_is_not_looked_for_far_around(void)
+{
+    static float heights[200 * 200];
+    struct diag diag = {""};
+    struct terrain_grid around = {1.0 / 20.0, 1.0 / 20.0, 60 * 20 - 100, -22 * 20 - 100, 200, 200};
+    build(path_of("small.db"), 7200, 0.5, 1.0, 60.0, -22.1, 60.1, -22.0, whole_metres_m);
+    struct terrain_source *source = open_source(path_of("small.db"));
+    if (!source)
+        return;
+    CHECK_INT(source->ops->stream(source, on_arrival, NULL, &diag), 0);
+    int r = TERRAIN_LATE;
+    for (int i = 0; r == TERRAIN_LATE && i < 20; i++) {
+        source->ops->settle(source);
+        r = source->ops->sample_grid(source, &around, heights);
+    }
+    CHECK_INT(r, 0);
+    CHECK(terrain_source_counts(source).tiles_resident < 30);
+    CHECK(isnan(heights[0]) && isnan(heights[200 * 200 - 1]));
+    CHECK(!isnan(heights[101 * 200 + 99])); /* 60.05 N, 22.05 W */
+    terrain_source_destroy(source);
+}
+
 struct reader {
     struct tile_cache *cache;
     struct tile_cache *single; /* of this thread alone */
@@ -273,6 +297,8 @@ static const struct check_test tests[] = {
     {"what is late is coarser at first, and right when it has come",
      what_is_late_is_coarser_at_first},
     {"what was asked for ahead is there when it is needed", what_was_asked_for_ahead_is_there},
+    {"a small database is not looked for far around",
+     a_small_database_is_not_looked_for_far_around},
     {"many threads see whole tiles only", many_threads_see_whole_tiles_only},
     {"a flight that outruns its tiles ends in the same terrain",
      a_flight_that_outruns_its_tiles_ends_in_the_same_terrain},

@@ -103,10 +103,10 @@ vec3 enu_from_difference(float d_lat, float d_lon, float height_m)
     return vec3(east, cos0 * dz - sin0 * dx, cos0 * dx + sin0 * dz);
 }
 
-// The inverse for shading: finest posts (column, row) from the eye's base post of a point given from
-// the eye. By the centre of curvature of the eye's meridian: the error grows as e^2 times the square
-// of the angle, a metre at 25 km and far below a post wherever a level of that post's size is drawn.
-vec2 grid_from_enu(vec3 enu)
+// The inverse for shading: longitude and latitude (rad) from the eye of a point given from the eye. By
+// the centre of curvature of the eye's meridian: the error grows as e^2 times the square of the angle, a
+// metre at 25 km and far below a post or texel wherever a level of that spacing is drawn.
+vec2 angle_from_enu(vec3 enu)
 {
     float sin0 = scene.eye_trig.x, cos0 = scene.eye_trig.y, n0 = scene.eye_trig.z;
     float h0 = scene.eye_trig.w;
@@ -117,7 +117,7 @@ vec2 grid_from_enu(vec3 enu)
     float north = cos0 * dz - sin0 * d_rho, up = cos0 * d_rho + sin0 * dz;
     float meridian_radius = n0 * (1.0 - WGS84_E2) / (1.0 - WGS84_E2 * sin0 * sin0);
     float d_lat = atan(north / (meridian_radius + h0 + up));
-    return (vec2(d_lon, d_lat) - scene.grid.zw) / scene.grid.xy;
+    return vec2(d_lon, d_lat);
 }
 
 const float RIM = 4.0; // posts over which the blend is forced to 1 whatever the eye does

@@ -5,22 +5,34 @@ set -eu
 validator=$1 output=$2
 shift 2
 
-# The shared text that goes before a stage: common.glsl, and shade.glsl for the shading passes.
+# The shared text that goes before a stage: common.glsl, and what the shading passes have in common.
 shared_of()
 {
     folder=$(dirname "$1")
     case ${1##*/} in
-    shade*) cat "$folder/common.glsl" "$folder/shade.glsl" ;;
+    shade*) cat "$folder/common.glsl" "$folder/images.glsl" "$folder/shade.glsl" ;;
     *) cat "$folder/common.glsl" ;;
     esac
 }
 
+# Checks a stage with and without imagery.
+check()
+{
+    stage=${1##*.}
+    for variant in "0 0" "1 0" "0 1" "1 1"; do
+        {
+            # shellcheck disable=SC2086 # two numbers
+            printf '#version 450 core\n#define COLOUR %d\n#define WATER %d\n' $variant
+            echo '#define INSTANCES 1'
+            shared_of "$1"
+            cat "$1"
+        } | "$validator" --stdin -S "$stage" >"$output.log" 2>&1 ||
+            { echo "$1:" >&2; cat "$output.log" >&2; exit 1; }
+    done
+}
+
 for file; do
-    case $file in *.glsl) continue ;; esac
-    stage=${file##*.}
-    { echo '#version 450 core'; echo '#define INSTANCES 1'; shared_of "$file"; cat "$file"; } |
-        "$validator" --stdin -S "$stage" >"$output.log" 2>&1 ||
-        { echo "$file:" >&2; cat "$output.log" >&2; exit 1; }
+    case $file in *.glsl) ;; *) check "$file" ;; esac
 done
 rm -f "$output.log"
 {

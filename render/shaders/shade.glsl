@@ -7,6 +7,8 @@ layout(binding = 2) uniform sampler2D ground;        // tiling: slope x, slope y
 layout(binding = 3) uniform sampler2D depths;        // near / distance along the view axis
 
 const float SURFACE_STEEPEST = 4.0;
+const float PHOTO_RELIEF = 0.4;  // how much of a slope is seen on a photograph
+const float PHOTO_ALBEDO = 0.42; // of what is white there
 
 // Slopes (as terrain/loader.h codes them) and water at a place on the finest grid. The storage is
 // toroidal, so a post's texel follows from its address alone and no window has to be looked up.
@@ -77,7 +79,7 @@ float power32(float x)
     return x * x;
 }
 
-vec3 water_radiance(vec3 view, vec3 normal, vec3 sun_colour, vec3 ambient)
+vec3 water_radiance(vec3 view, vec3 normal, vec3 sun_colour, vec3 ambient, vec3 body)
 {
     vec3 mirrored = reflect(view, normal);
     mirrored.z = abs(mirrored.z);
@@ -85,13 +87,29 @@ vec3 water_radiance(vec3 view, vec3 normal, vec3 sun_colour, vec3 ambient)
     float facing2 = facing * facing;
     float fresnel = 0.02 + 0.98 * facing2 * facing2 * facing;
     float glint = power32(max(dot(mirrored, scene.sun.xyz), 0.0));
-    return mix(vec3(0.012, 0.045, 0.075) * (sun_colour * 0.6 + ambient), sky_colour(mirrored),
+    return mix(body * (sun_colour * 0.6 + ambient), sky_colour(mirrored),
                fresnel) + sun_colour * glint * 0.8;
 }
 
+#if COLOUR
+// A photograph has light and shade of its own, so slopes count for less than they do elsewhere. Where
+// its texels are larger than pixels neither slopes nor what grows there is in it: then slopes count in
+// full, and noise gives it a texture (`mottle`, about 0).
+vec3 photo_radiance(vec3 photo, float mottle, vec2 slope, vec2 rough_slope, float enlargement,
+                    vec3 sun_colour, vec3 ambient)
+{
+    float lacking = clamp(0.25 * enlargement, 0.0, 1.0);
+    vec3 normal = normalize(vec3(-mix(PHOTO_RELIEF * slope, rough_slope, lacking), 1.0));
+    float lit = max(dot(normal, scene.sun.xyz), 0.0);
+    vec3 albedo = PHOTO_ALBEDO * photo * (1.0 + mottle * lacking);
+    return albedo * (sun_colour * lit + ambient * (0.55 + 0.45 * normal.z));
+}
+#endif
+
 vec3 ground_radiance(vec3 enu, vec3 view, float distance_m, float altitude_km)
 {
-    vec2 grid = grid_from_enu(enu);
+    vec2 angle = angle_from_enu(enu);
+    vec2 grid = (angle - scene.grid.zw) / scene.grid.xy;
     vec3 surface = surface_at(grid);
     vec2 place = grid + scene.eye_texture.xy;
     // Finest posts that a pixel covers, lengthened by half of the foreshortening.
@@ -102,7 +120,15 @@ vec3 ground_radiance(vec3 enu, vec3 view, float distance_m, float altitude_km)
     vec4 near = textureLod(ground, place * (1.0 / 256.0), lod);
 
     float steepness = length(surface.xy);
-    float water = smoothstep(0.45, 0.55, surface.z);
+    float water = surface.z;
+#if COLOUR || WATER
+    ImageSpot spot = image_spot(angle, distance_m, -view.z);
+#endif
+#if WATER
+    vec2 mask = image_lookup(image_waters, spot).xy;
+    water = water * (1.0 - mask.y) + mask.x;
+#endif
+    water = smoothstep(0.45, 0.55, water);
     vec2 bumps = (wide.xy - 0.5) * 0.7 + (middle.xy - 0.5) * 1.3 + (near.xy - 0.5) * 1.4;
     vec2 slope = surface.xy + bumps * (0.12 + 0.88 * min(steepness, 1.0)) * (1.0 - water);
     slope += (near.xy - 0.5) * 0.05 * water;
@@ -111,14 +137,28 @@ vec3 ground_radiance(vec3 enu, vec3 view, float distance_m, float altitude_km)
     vec3 sun_colour = mix(vec3(2.9, 1.5, 0.7), vec3(3.5, 3.25, 2.8),
                           clamp(scene.sun.z * 3.0, 0.0, 1.0)) * scene.sun.w;
     vec3 ambient = vec3(0.26, 0.36, 0.54) * scene.haze.w;
+    vec3 body = vec3(0.012, 0.045, 0.075);
+#if COLOUR
+    vec4 photo = image_colour(spot);
+    body = mix(body, photo.rgb, photo.a);
+#endif
     if (water >= 1.0)
-        return water_radiance(view, normal, sun_colour, ambient);
+        return water_radiance(view, normal, sun_colour, ambient, body);
     float lit = max(dot(normal, scene.sun.xyz), 0.0);
     vec3 albedo =
         land_colour(altitude_km, steepness, mix(wide, middle, 0.35), mix(middle, near, 0.5));
     vec3 radiance = albedo * (sun_colour * lit + ambient * (0.55 + 0.45 * normal.z));
+#if COLOUR
+    // A noise that is far away enough for its tiles to stand in rows is left out.
+    vec3 strength = clamp(vec3(3.0, 2.0, 1.0) - 0.25 * lod, 0.0, 1.0);
+    float mottle = dot((vec3(wide.z, middle.z, near.z) - 0.5) * strength, vec3(0.6, 0.6, 0.8));
+    vec3 lit_photo = photo_radiance(photo.rgb, mottle, surface.xy, slope,
+                                    spot.enlargement, sun_colour, ambient);
+    radiance = mix(radiance, lit_photo, photo.a);
+#endif
     if (water > 0.0)
-        radiance = mix(radiance, water_radiance(view, normal, sun_colour, ambient), water);
+        radiance = mix(radiance, water_radiance(view, normal, sun_colour, ambient, body),
+                       water);
     return radiance;
 }
 

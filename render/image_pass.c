@@ -1,0 +1,304 @@
+#include "render/image_pass.h"
+
+#include <epoxy/gl.h>
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "render/program.h"
+#include "terrain/imagery.h"
+
+#define DEGREE          (M_PI / 180.0)
+#define WGS84_A         6378137.0
+#define BUFFERED_FRAMES 4
+#define UPLOAD_GROUP    64   /* texels of a work group of image_upload.comp */
+#define PIXEL_RAD       1e-3 /* until a view is known */
+
+/* A finer level ends within this share of what the coarser one holds, even while the two have
+ * different longitude factors. */
+#define INSIDE_COARSER 0.8
+
+enum { TEXTURE_COLOUR = 4, TEXTURE_WATER = 5, BLOCK_IMAGES = 1 };
+
+/* The uniform block `Images` of images.glsl (std140). */
+struct images_level {
+    float place[4];
+    float extent[4];
+};
+
+struct images_block {
+    float range[4];
+    struct images_level levels[IMAGE_CLIPMAP_LEVELS_MAX];
+};
+
+_Static_assert(sizeof(struct images_block) == 16 + 32 * IMAGE_CLIPMAP_LEVELS_MAX, "std140");
+
+struct image_pass {
+    struct image_shape shape;
+    struct image_loader *loader;
+    char defines[64];
+    GLuint upload, colours, waters, blocks;
+    GLuint arenas[IMAGE_UPDATES];
+    size_t water_offset;
+    char *mapped_blocks; /* BUFFERED_FRAMES of them, persistently mapped */
+    size_t block_stride;
+    unsigned block;
+    struct image_layout layout; /* of the last update */
+    double pixel_rad;           /* of the last view */
+    struct image_update *held[IMAGE_UPDATES];
+    unsigned held_count;
+};
+
+/* One layer more than levels: the loader's spare. */
+static GLuint create_array(const struct image_shape *shape, GLenum format)
+{
+    GLuint texture;
+    glCreateTextures(GL_TEXTURE_2D_ARRAY, 1, &texture);
+    glTextureStorage3D(texture, 1, format, shape->side, shape->side, shape->levels + 1);
+    glTextureParameteri(texture, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
+    glTextureParameteri(texture, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
+    glTextureParameteri(texture, GL_TEXTURE_WRAP_S, GL_REPEAT);
+    glTextureParameteri(texture, GL_TEXTURE_WRAP_T, GL_REPEAT);
+    return texture;
+}
+
+static void create_blocks(struct image_pass *pass)
+{
+    const GLbitfield flags = GL_MAP_WRITE_BIT | GL_MAP_PERSISTENT_BIT | GL_MAP_COHERENT_BIT;
+    GLint alignment = 256;
+    glGetIntegerv(GL_UNIFORM_BUFFER_OFFSET_ALIGNMENT, &alignment);
+    size_t unit = (size_t)alignment;
+    pass->block_stride = (sizeof(struct images_block) + unit - 1) / unit * unit;
+    GLsizeiptr size = (GLsizeiptr)(pass->block_stride * BUFFERED_FRAMES);
+    glCreateBuffers(1, &pass->blocks);
+    glNamedBufferStorage(pass->blocks, size, NULL, flags);
+    pass->mapped_blocks = glMapNamedBufferRange(pass->blocks, 0, size, flags);
+}
+
+/* Client storage: the CPU writes, the GPU only copies from there. */
+static bool create_arenas(struct image_pass *pass, struct image_loader_params *params)
+{
+    const GLbitfield flags = GL_MAP_WRITE_BIT | GL_MAP_PERSISTENT_BIT | GL_MAP_COHERENT_BIT;
+    GLsizeiptr size = (GLsizeiptr)image_loader_arena_bytes(params);
+    glCreateBuffers(IMAGE_UPDATES, pass->arenas);
+    for (int i = 0; i < IMAGE_UPDATES; i++) {
+        glNamedBufferStorage(pass->arenas[i], size, NULL, flags | GL_CLIENT_STORAGE_BIT);
+        params->arenas[i] = glMapNamedBufferRange(pass->arenas[i], 0, size, flags);
+        if (!params->arenas[i])
+            return false;
+    }
+    return true;
+}
+
+/* All but the loader. */
+static int create_storage(struct image_pass *pass, struct image_loader_params *params,
+                          struct diag *diag)
+{
+    pass->shape = params->shape;
+    pass->pixel_rad = PIXEL_RAD;
+    pass->water_offset = image_loader_water_offset(params);
+    snprintf(pass->defines, sizeof(pass->defines), "#define COLOUR %d\n#define WATER %d\n",
+             params->colour, params->water);
+    int r =
+        program_create(&(struct program_params){.name = "image_upload", .defines = pass->defines},
+                       &pass->upload, diag);
+    if (r < 0)
+        return r;
+    if (params->colour)
+        pass->colours = create_array(&pass->shape, GL_RGBA8);
+    if (params->water)
+        pass->waters = create_array(&pass->shape, GL_RG8);
+    create_blocks(pass);
+    if (!create_arenas(pass, params) || glGetError() == GL_OUT_OF_MEMORY)
+        return diag_set(diag, -ENOMEM, "no GPU memory for imagery: %d levels of %d x %d texels",
+                        pass->shape.levels, pass->shape.side, pass->shape.side);
+    return 0;
+}
+
+int image_pass_create(struct imagery *imagery, int width_px, struct image_pass **ret_pass,
+                      struct diag *diag)
+{
+    struct imagery_facts facts;
+    imagery_get_facts(imagery, &facts);
+    struct image_loader_params params = {
+        .shape = image_clipmap_shape(facts.finest_texel_deg, width_px),
+        .colour = facts.has_colour,
+        .water = facts.has_water,
+        .imagery = imagery,
+    };
+    struct image_pass *pass = calloc(1, sizeof(*pass));
+    int r = pass ? create_storage(pass, &params, diag)
+                 : diag_set(diag, -ENOMEM, "no memory for the imagery");
+    if (r < 0)
+        imagery_close(imagery);
+    else
+        r = image_loader_start(&params, &pass->loader, diag);
+    if (r < 0) {
+        image_pass_destroy(pass);
+        return r;
+    }
+    *ret_pass = pass;
+    return 0;
+}
+
+void image_pass_destroy(struct image_pass *pass)
+{
+    if (!pass)
+        return;
+    image_loader_stop(pass->loader);
+    glDeleteProgram(pass->upload);
+    glDeleteTextures(1, &pass->colours);
+    glDeleteTextures(1, &pass->waters);
+    glDeleteBuffers(1, &pass->blocks);
+    glDeleteBuffers(IMAGE_UPDATES, pass->arenas);
+    free(pass);
+}
+
+const char *image_pass_defines(const struct image_pass *pass)
+{
+    return pass ? pass->defines : "#define COLOUR 0\n#define WATER 0\n";
+}
+
+static int finest_level(const struct image_pass *pass, double height_m)
+{
+    return image_clipmap_finest(&pass->shape, height_m, pass->pixel_rad);
+}
+
+/* One level finer than is drawn is kept ready, so that descending finds it. */
+void image_pass_wish(struct image_pass *pass, const struct geodetic *eye, double height_m)
+{
+    if (!pass)
+        return;
+    int finest = finest_level(pass, height_m);
+    image_loader_wish(pass->loader, eye->lat_deg, eye->lon_deg, finest > 0 ? finest - 1 : 0);
+}
+
+static void upload(const struct image_pass *pass, const struct image_update *update)
+{
+    GLint texels = update->rows * update->cols;
+    glUseProgram(pass->upload);
+    glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 0, pass->arenas[update->slot]);
+    if (pass->colours)
+        glBindImageTexture(0, pass->colours, 0, GL_TRUE, 0, GL_WRITE_ONLY, GL_RGBA8);
+    if (pass->waters)
+        glBindImageTexture(1, pass->waters, 0, GL_TRUE, 0, GL_WRITE_ONLY, GL_RG8);
+    glUniform4i(0, update->col, update->row, update->cols, texels);
+    glUniform3i(1, update->layer, pass->shape.side - 1,
+                (GLint)(pass->water_offset / sizeof(GLuint)));
+    glDispatchCompute((GLuint)(texels + UPLOAD_GROUP - 1) / UPLOAD_GROUP, 1, 1);
+}
+
+void image_pass_settle(struct image_pass *pass)
+{
+    while (pass && image_loader_wait(pass->loader)) {
+        struct image_update *update = image_loader_take(pass->loader);
+        upload(pass, update);
+        pass->layout = update->layout;
+        glMemoryBarrier(GL_TEXTURE_FETCH_BARRIER_BIT);
+        glFinish();
+        image_loader_give_back(pass->loader, update);
+    }
+}
+
+size_t image_pass_take(struct image_pass *pass)
+{
+    size_t texels = 0;
+    struct image_update *update;
+    while (pass && pass->held_count < IMAGE_UPDATES && (update = image_loader_take(pass->loader))) {
+        texels += (size_t)update->rows * (size_t)update->cols;
+        pass->layout = update->layout;
+        pass->held[pass->held_count++] = update;
+    }
+    return pass ? texels * sizeof(GLuint) * ((pass->colours != 0) + (pass->waters != 0)) : 0;
+}
+
+void image_pass_upload(struct image_pass *pass)
+{
+    if (!pass || pass->held_count == 0)
+        return;
+    for (unsigned i = 0; i < pass->held_count; i++)
+        upload(pass, pass->held[i]);
+    glMemoryBarrier(GL_TEXTURE_FETCH_BARRIER_BIT);
+}
+
+bool image_pass_complete(const struct image_pass *pass, const struct geodetic *eye, double height_m)
+{
+    if (!pass)
+        return true;
+    for (int level = finest_level(pass, height_m); level < pass->shape.levels; level++)
+        if (image_clipmap_held(&pass->shape, level, &pass->layout.windows[level], eye->lat_deg,
+                               eye->lon_deg) < image_clipmap_reach(&pass->shape))
+            return false;
+    return true;
+}
+
+/* A place as a fraction of the toroidal storage's side, 0 .. 1, of the centre of its texel. */
+static float storage_place(double texel, int side)
+{
+    double sides = (texel + 0.5) / side;
+    return (float)(sides - floor(sides));
+}
+
+/* Returns how far from the eye the level is drawn, in texels, at most `most`. */
+static double set_level(const struct image_pass *pass, int level, const struct geodetic *eye,
+                        double most, struct images_level *ret_level)
+{
+    const struct image_window *window = &pass->layout.windows[level];
+    double side = pass->shape.side, row = 0.0, col = 0.0, lon_factor = window->lon_factor;
+    double reach =
+        fmin(image_clipmap_held(&pass->shape, level, window, eye->lat_deg, eye->lon_deg), most);
+    if (reach > 0.0)
+        image_clipmap_texel(&pass->shape, level, window, eye->lat_deg, eye->lon_deg, &row, &col);
+    else
+        lon_factor = 1.0;
+    double sides_a_radian = 1.0 / (side * ldexp(pass->shape.step_deg, level) * DEGREE);
+    *ret_level = (struct images_level){
+        .place = {storage_place(col, pass->shape.side), storage_place(row, pass->shape.side),
+                  (float)(sides_a_radian / lon_factor), (float)sides_a_radian},
+        .extent = {(float)(reach / side), (float)pass->layout.layers[level]},
+    };
+    return reach;
+}
+
+void image_pass_prepare(struct image_pass *pass, const struct geodetic *eye, double height_m,
+                        double pixel_rad)
+{
+    if (!pass)
+        return;
+    const struct image_shape *shape = &pass->shape;
+    pass->pixel_rad = pixel_rad;
+    pass->block = (pass->block + 1) % BUFFERED_FRAMES;
+    size_t offset = pass->block * pass->block_stride;
+    struct images_block *block = (struct images_block *)(void *)(pass->mapped_blocks + offset);
+    block->range[0] = (float)finest_level(pass, height_m);
+    block->range[1] = (float)(shape->levels - 1);
+    block->range[2] = (float)(pixel_rad / (shape->step_deg * DEGREE * WGS84_A));
+    block->range[3] = 16.0f; /* a level fades over a sixteenth of its side */
+    double most = shape->side;
+    for (int level = shape->levels - 1; level >= 0; level--)
+        most = 2.0 * INSIDE_COARSER * set_level(pass, level, eye, most, &block->levels[level]);
+}
+
+void image_pass_bind(const struct image_pass *pass)
+{
+    if (!pass)
+        return;
+    glBindBufferRange(GL_UNIFORM_BUFFER, BLOCK_IMAGES, pass->blocks,
+                      (GLintptr)(pass->block * pass->block_stride), sizeof(struct images_block));
+    glBindTextureUnit(TEXTURE_COLOUR, pass->colours);
+    glBindTextureUnit(TEXTURE_WATER, pass->waters);
+}
+
+void image_pass_release(struct image_pass *pass)
+{
+    while (pass && pass->held_count > 0)
+        image_loader_give_back(pass->loader, pass->held[--pass->held_count]);
+}
+
+void image_pass_counts(const struct image_pass *pass, struct image_loader_counts *ret_counts)
+{
+    *ret_counts = (struct image_loader_counts){0};
+    if (pass)
+        image_loader_counts(pass->loader, ret_counts);
+}

@@ -1,0 +1,175 @@
+/* A renderer over ground that is a formula, and its frames read back: for the tests of what is
+ * drawn. */
+#pragma once
+
+#include <errno.h>
+
+#include "geo/geographic.h"
+#include "render/geo_pixels.h"
+#include "render/readback.h"
+#include "render/renderer.h"
+#include "tests/check.h"
+
+#define WIDTH  320
+#define HEIGHT 180
+
+/* Ground as a formula: the height is above the ellipsoid, for there is no geoid here. */
+struct formula {
+    struct terrain_source source;
+    double (*height_m)(double lat_deg, double lon_deg);
+    double step_deg;
+};
+
+static inline int formula_grid(struct terrain_source *source, const struct terrain_grid *grid,
+                               float *ret)
+{
+    struct formula *formula = (struct formula *)source;
+    for (int r = 0; r < grid->rows; r++)
+        for (int c = 0; c < grid->cols; c++)
+            *ret++ = (float)formula->height_m((double)(grid->row0 + r) * grid->lat_step_deg,
+                                              (double)(grid->col0 + c) * grid->lon_step_deg);
+    return 0;
+}
+
+static inline int formula_point(struct terrain_source *source, double lat_deg, double lon_deg,
+                                double *ret)
+{
+    *ret = ((struct formula *)source)->height_m(lat_deg, lon_deg);
+    return 0;
+}
+
+static inline void formula_facts(const struct terrain_source *source,
+                                 struct terrain_facts *ret_facts)
+{
+    *ret_facts =
+        (struct terrain_facts){.finest_lat_step_deg = ((const struct formula *)source)->step_deg};
+}
+
+static inline void formula_destroy(struct terrain_source *source)
+{
+    free(source);
+}
+
+static const struct terrain_source_ops formula_ops = {formula_grid, formula_point, formula_facts,
+                                                      formula_destroy};
+
+static inline struct terrain_source *formula_create(double (*height_m)(double, double))
+{
+    struct formula *formula = calloc(1, sizeof(*formula));
+    *formula = (struct formula){
+        .source.ops = &formula_ops, .height_m = height_m, .step_deg = 1.0 / 98304.0};
+    return &formula->source;
+}
+
+static inline double flat_ground(double lat_deg, double lon_deg)
+{
+    (void)lat_deg, (void)lon_deg;
+    return 100.0;
+}
+
+static struct gl_facts gl;
+
+struct scene_under_test {
+    struct renderer *renderer;
+    struct readback *depth, *colour;
+};
+
+/* `n` = 0: what suits the screen. Takes the imagery, which may be NULL. */
+static inline bool open_scene(double (*height_m)(double, double), int n, struct imagery *imagery,
+                              struct scene_under_test *ret)
+{
+    struct terrain_source *source = formula_create(height_m);
+    struct terrain_facts facts;
+    source->ops->facts(source, &facts);
+    struct renderer_params params = {
+        .width = WIDTH,
+        .height = HEIGHT,
+        .shape = renderer_shape(&facts, HEIGHT, 0.25, gl.software),
+        .source = source,
+        .imagery = imagery,
+    };
+    if (n) {
+        params.shape.levels += (int)lround(log2((params.shape.n + 1.0) / (n + 1.0)));
+        params.shape.n = n;
+    }
+    struct diag diag = {0};
+    int r = renderer_create(&params, &gl, &ret->renderer, &diag);
+    if (r == 0)
+        r = readback_create(WIDTH, HEIGHT, READBACK_DEPTH, &ret->depth, &diag);
+    if (r == 0)
+        r = readback_create(WIDTH, HEIGHT, READBACK_COLOUR, &ret->colour, &diag);
+    if (r < 0)
+        CHECK_FAIL("%s", diag.text);
+    return r == 0;
+}
+
+static inline void close_scene(struct scene_under_test *scene)
+{
+    readback_destroy(scene->depth);
+    readback_destroy(scene->colour);
+    renderer_destroy(scene->renderer);
+}
+
+static inline struct view view_at(double lat_deg, double lon_deg, double height_m,
+                                  double heading_deg, double pitch_deg, double roll_deg)
+{
+    static const struct channel_geometry geometry = {
+        .left_deg = -30, .right_deg = 30, .bottom_deg = -18, .top_deg = 18};
+    struct pose pose = {.position = {lat_deg, lon_deg, height_m},
+                        .attitude = {roll_deg, pitch_deg, heading_deg}};
+    struct view view;
+    view_from_pose(&pose, &geometry, &view);
+    view.near_m = 0.5;
+    view.visibility_m = 40000;
+    view.sun_enu[0] = view.sun_enu[2] = 0.7071;
+    return view;
+}
+
+/* Draws with all terrain there; the pixels land in `ret` ([HEIGHT][WIDTH], rows from the bottom).
+ */
+static inline void draw(struct scene_under_test *scene, struct view *view, float *ret_depth,
+                        uint32_t *ret_colour, struct renderer_frame *ret_frame)
+{
+    struct renderer_frame frame;
+    for (int i = 0; i < 2; i++) { /* the second time with the ground's height known */
+        renderer_wish(scene->renderer, &view->eye, true);
+        renderer_wait(scene->renderer);
+        renderer_draw(scene->renderer, view);
+        renderer_finish(scene->renderer, &frame);
+    }
+    uint64_t number;
+    if (ret_depth) {
+        readback_start(scene->depth, renderer_depth_framebuffer(scene->renderer), 0);
+        memcpy(ret_depth, readback_take(scene->depth, true, &number), WIDTH * HEIGHT * 4);
+        readback_release(scene->depth);
+    }
+    if (ret_colour) {
+        readback_start(scene->colour, renderer_framebuffer(scene->renderer), 0);
+        memcpy(ret_colour, readback_take(scene->colour, true, &number), WIDTH * HEIGHT * 4);
+        readback_release(scene->colour);
+    }
+    if (ret_frame)
+        *ret_frame = frame;
+}
+
+/* Runs the tests with a context, in the tested manner of `run_tests`; the value is main's exit
+ * status. */
+static inline int render_tests_main(const struct check_test *tests, size_t count,
+                                    int (*run_tests)(const struct check_test *tests, size_t count))
+{
+    struct gl_context *context;
+    struct diag diag = {0};
+    int r = gl_context_create_headless(&context, &diag);
+    if (r == -ENODEV) {
+        printf("skipped: %s\n", diag.text);
+        return 77;
+    }
+    if (r < 0 || gl_facts_gather(&gl, &diag) < 0) {
+        fprintf(stderr, "%s\n", diag.text);
+        return 1;
+    }
+    printf("%s\n", gl.renderer);
+    r = run_tests(tests, count);
+    gl_context_destroy(context);
+    return r;
+}
