@@ -130,11 +130,11 @@ static bool read_stored(struct dig *dig, struct dig_tile *tile, float *ret_heigh
     struct dig_record record = {.size = 0};
     int r = dig->database ? 0 : database_open(dig->path, &dig->database, NULL);
     if (r == 0)
-        r = dig_store_read_tile(dig->database, &dig->index.grid, tile->id, &record, NULL);
+        r = dig_store_read_tile(dig->database, &dig->grid, tile->id, &record, NULL);
     if (r == 0 && record.stamp != tile->settled)
         r = DATABASE_ABSENT; /* another program has gone on */
     if (r == 0)
-        r = dig_record_decode(&record, &dig->index.grid, ret_heights_m);
+        r = dig_record_decode(&record, &dig->grid, ret_heights_m);
     dig_record_finish(&record);
     dig->errors += r < 0;
     if (r != 0)
@@ -160,14 +160,13 @@ const float *dig_content(struct dig *dig, struct dig_view *view, struct dig_tile
         if (tile->settled && read_stored(dig, tile, heights_m))
             tile->applied = dig_count_until(&dig->index, tile, tile->settled);
         else
-            dig_base_heights(&dig->index.grid, view, tile->id, heights_m);
+            dig_base_heights(&dig->grid, view, tile->id, heights_m);
         entry->state = view->late ? TILE_COARSE : TILE_READY;
         dig->table.ready += entry->state == TILE_READY;
         view->late |= late;
     }
     for (; tile->applied < tile->count; tile->applied++)
-        dig_apply(&dig->index.grid, tile->id, &dig->index.stamps[tile->stamps[tile->applied]],
-                  heights_m);
+        dig_apply(&dig->grid, tile->id, &dig->index.stamps[tile->stamps[tile->applied]], heights_m);
     return heights_m;
 }
 
@@ -226,7 +225,6 @@ int dig_load(struct database *database, struct dig_index *index, uint64_t *ret_d
 
 int dig_open(const char *path, struct dig **ret_dig, struct diag *diag)
 {
-    struct dig_grid grid;
     struct database *database = NULL;
     struct dig *dig = calloc(1, sizeof(*dig));
     if (!dig)
@@ -237,8 +235,8 @@ int dig_open(const char *path, struct dig **ret_dig, struct diag *diag)
     if (r == 0)
         r = database_open(path, &database, diag);
     if (r == 0) {
-        dig_grid_init(&grid, database);
-        dig_index_init(&dig->index, &grid);
+        dig_grid_init(&dig->grid, database);
+        dig_index_init(&dig->index, &dig->grid);
         r = dig_load(database, &dig->index, &dig->errors, diag);
     }
     database_close(database);
@@ -277,7 +275,7 @@ uint64_t dig_errors(struct dig *dig)
 
 const struct dig_grid *dig_grid_of(const struct dig *dig)
 {
-    return &dig->index.grid;
+    return &dig->grid;
 }
 
 const struct dig_index *dig_index_of(const struct dig *dig)

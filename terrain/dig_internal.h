@@ -13,6 +13,7 @@
 
 struct dig {
     char path[DATABASE_NAME_MAX];
+    struct dig_grid grid;      /* never changes */
     pthread_mutex_t lock;      /* of all below */
     struct database *database; /* for stored tiles; NULL until the first is read */
     struct dig_index index;    /* changed by the writer's thread alone, which reads it unlocked */

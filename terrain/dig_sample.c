@@ -49,26 +49,79 @@ static struct posts posts_between(double low_deg, double high_deg, int64_t first
                           (int)fmin(floor(high_deg / step_deg - from + slack), count - 1.0)};
 }
 
-static void fill_post(struct sampler *sampler, const struct tile_id *id, int row, int col)
+/* Places along one row of the grid, between the same two rows of tiles as the row before. */
+#define RUN_COLUMNS 128
+
+struct run {
+    int count;
+    int32_t south_row, north_row; /* of tiles */
+    struct surface_place places[RUN_COLUMNS];
+};
+
+static bool is_in(const struct surface_line *line, struct tile_id id)
+{
+    return line->tile_row == id.row && line->tile_col == id.col;
+}
+
+static bool same_tiles(const struct surface_place *a, const struct surface_place *b)
+{
+    return a->south.tile_row == b->south.tile_row && a->south.tile_col == b->south.tile_col &&
+           a->north.tile_row == b->north.tile_row && a->north.tile_col == b->north.tile_col;
+}
+
+/* The places of a row. From row to row only the posts' rows and the way between them differ. */
+static void place_row(struct sampler *sampler, struct run *run, int row, int first_col)
 {
     const struct terrain_grid *grid = sampler->grid;
+    const struct grid *tiles = &sampler->dig->grid.grid;
     double lat_deg = (double)(grid->row0 + row) * grid->lat_step_deg;
-    double lon_deg = (double)(grid->col0 + col) * grid->lon_step_deg;
-    struct surface_place place;
-    const float *heights_m[2];
-    surface_place(&sampler->dig->index.grid.grid, id->level, lat_deg, lon_deg, &place);
-    bool mine = (place.south.tile_row == id->row && place.south.tile_col == id->col) ||
-                (place.north.tile_row == id->row && place.north.tile_col == id->col);
-    if (mine && heights_at(sampler->dig, &sampler->view, id->level, &place, heights_m))
-        sampler->heights_m[(size_t)row * (size_t)grid->cols + (size_t)col] =
-            surface_height_m(&place, heights_m[0], heights_m[1]);
+    struct surface_place first;
+    surface_place(tiles, sampler->level, lat_deg,
+                  (double)(grid->col0 + first_col) * grid->lon_step_deg, &first);
+    if (first.south.tile_row != run->south_row || first.north.tile_row != run->north_row)
+        for (int i = 0; i < run->count; i++)
+            surface_place(tiles, sampler->level, lat_deg,
+                          (double)(grid->col0 + first_col + i) * grid->lon_step_deg,
+                          &run->places[i]);
+    run->south_row = first.south.tile_row;
+    run->north_row = first.north.tile_row;
+    int south = first.south.post / TILE_POSTS, north = first.north.post / TILE_POSTS;
+    for (int i = 0; i < run->count; i++) {
+        struct surface_place *place = &run->places[i];
+        place->up = first.up;
+        place->south.post = place->south.post % TILE_POSTS + south * TILE_POSTS;
+        place->north.post = place->north.post % TILE_POSTS + north * TILE_POSTS;
+    }
+}
+
+/* The grid's posts in these rows and columns that lie in a dug tile. */
+static void fill_run(struct sampler *sampler, struct tile_id id, struct posts rows, int first_col,
+                     int count)
+{
+    struct run run = {.count = count, .south_row = INT32_MAX};
+    for (int row = rows.first; row <= rows.last; row++) {
+        float *heights_m = sampler->heights_m + (size_t)row * (size_t)sampler->grid->cols;
+        const struct surface_place *held = NULL;
+        const float *tiles_m[2];
+        bool dug = false;
+        place_row(sampler, &run, row, first_col);
+        for (int i = 0; i < count; i++) {
+            const struct surface_place *place = &run.places[i];
+            if (!held || !same_tiles(held, place))
+                dug = (is_in(&place->south, id) || is_in(&place->north, id)) &&
+                      heights_at(sampler->dig, &sampler->view, id.level, place, tiles_m);
+            held = place;
+            if (dug)
+                heights_m[first_col + i] = surface_height_m(place, tiles_m[0], tiles_m[1]);
+        }
+    }
 }
 
 /* The grid's posts over a dug tile; the grid may run round the globe and past its beginning. */
 static void fill_tile(struct sampler *sampler, struct tile_id id, double turn_deg)
 {
     const struct terrain_grid *grid = sampler->grid;
-    const struct grid *tiles = &sampler->dig->index.grid.grid;
+    const struct grid *tiles = &sampler->dig->grid.grid;
     unsigned shift = grid_lon_shift(tiles, id.level, id.row);
     int64_t row = (int64_t)id.row * TILE_CELLS, col = (int64_t)id.col * TILE_CELLS;
     double west_deg = grid_post_lon_deg(tiles, id.level, shift, col) + turn_deg;
@@ -78,15 +131,15 @@ static void fill_tile(struct sampler *sampler, struct tile_id id, double turn_de
                                       grid->row0, grid->lat_step_deg, grid->rows);
     struct posts cols =
         posts_between(west_deg, east_deg, grid->col0, grid->lon_step_deg, grid->cols);
-    for (int r = rows.first; r <= rows.last; r++)
-        for (int c = cols.first; c <= cols.last; c++)
-            fill_post(sampler, &id, r, c);
+    for (int c = cols.first; c <= cols.last; c += RUN_COLUMNS)
+        fill_run(sampler, id, rows, c,
+                 cols.last - c < RUN_COLUMNS ? cols.last - c + 1 : RUN_COLUMNS);
 }
 
 static void fill_tile_row(struct sampler *sampler, int32_t row)
 {
     const struct terrain_grid *grid = sampler->grid;
-    const struct grid *tiles = &sampler->dig->index.grid.grid;
+    const struct grid *tiles = &sampler->dig->grid.grid;
     unsigned shift = grid_lon_shift(tiles, sampler->level, row);
     int32_t around = grid_tile_cols(tiles, sampler->level, shift);
     double width = grid_width_cells(tiles, sampler->level, shift);
@@ -109,7 +162,7 @@ static void fill_tile_row(struct sampler *sampler, int32_t row)
 static void fill_level(struct sampler *sampler)
 {
     const struct terrain_grid *grid = sampler->grid;
-    const struct grid *tiles = &sampler->dig->index.grid.grid;
+    const struct grid *tiles = &sampler->dig->grid.grid;
     int level = sampler->level;
     double south_deg = fmax((double)grid->row0 * grid->lat_step_deg, -90.0);
     double north_deg = fmin((double)(grid->row0 + grid->rows - 1) * grid->lat_step_deg, 90.0);
@@ -135,7 +188,7 @@ static int level_for(const struct dig_grid *tiles, const struct terrain_grid *gr
 bool dig_sample_grid(struct dig *dig, const struct dig_ground *ground,
                      const struct terrain_grid *grid, float *heights_m)
 {
-    const struct dig_grid *tiles = &dig->index.grid;
+    const struct dig_grid *tiles = &dig->grid;
     int finest = level_for(tiles, grid);
     struct sampler sampler = {
         .dig = dig, .grid = grid, .heights_m = heights_m, .view = {.ground = ground}};
@@ -154,7 +207,7 @@ bool dig_sample_grid(struct dig *dig, const struct dig_ground *ground,
 bool dig_cell_at(struct dig *dig, const struct dig_ground *ground, double lat_deg, double lon_deg,
                  struct dig_cell *ret_cell)
 {
-    const struct dig_grid *tiles = &dig->index.grid;
+    const struct dig_grid *tiles = &dig->grid;
     struct dig_view view = {.ground = ground};
     bool found = false;
     pthread_mutex_lock(&dig->lock);
@@ -184,7 +237,7 @@ bool dig_cell_at(struct dig *dig, const struct dig_ground *ground, double lat_de
 
 bool dig_raise(struct dig *dig, struct tile_id id, float *max_m)
 {
-    struct tile_id inner = {id.level + dig->index.grid.finer, id.row, id.col};
+    struct tile_id inner = {id.level + dig->grid.finer, id.row, id.col};
     pthread_mutex_lock(&dig->lock);
     const struct dig_tile *tile = dig_index_find(&dig->index, inner);
     if (tile)

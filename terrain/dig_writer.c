@@ -47,7 +47,7 @@ static int reload(struct dig_writer *writer, struct diag *diag)
 {
     struct dig *dig = writer->dig;
     struct dig_index index, old;
-    dig_index_init(&index, &dig->index.grid);
+    dig_index_init(&index, &dig->grid);
     int r = dig_load(writer->database, &index, NULL, diag);
     if (r < 0) {
         dig_index_finish(&index);
@@ -278,7 +278,7 @@ static int store(struct dig_writer *writer, struct behind *behind, uint32_t coun
     struct dig *dig = writer->dig;
     int r = begin(writer, diag);
     for (uint32_t i = 0; r == 0 && i < count; i++)
-        r = dig_store_write_tile(writer->database, &dig->index.grid, &behind[i].record, diag);
+        r = dig_store_write_tile(writer->database, &dig->grid, &behind[i].record, diag);
     r = end(writer, r, diag);
     if (r < 0)
         return r;

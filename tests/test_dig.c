@@ -1,5 +1,7 @@
 /* Dug ground: what is read back, before and after it is settled, and what undoing leaves. */
 #include <errno.h>
+#include <pthread.h>
+#include <stdatomic.h>
 #include <sys/stat.h>
 
 #include "geo/geographic.h"
@@ -431,6 +433,83 @@ static void test_two_writers(void)
     dig_writer_close(one);
 }
 
+struct reader {
+    struct terrain_source *source;
+    atomic_bool *stopping;
+    pthread_t thread;
+    int samples;
+};
+
+/* As the loader does, and its helpers. */
+static void *sample_on(void *data)
+{
+    struct reader *reader = data;
+    while (!atomic_load(reader->stopping)) {
+        float heights_m[32 * 32];
+        double step_deg = ldexp(1.0 / 120.0, 2 - reader->samples++ % 11);
+        struct terrain_grid grid = {step_deg,
+                                    2.0 * step_deg,
+                                    (int64_t)floor(60.0 / step_deg) - 16,
+                                    (int64_t)floor(-22.002 / step_deg / 2.0) - 16,
+                                    32,
+                                    32};
+        CHECK(reader->source->ops->sample_grid(reader->source, &grid, heights_m) >= 0);
+    }
+    return NULL;
+}
+
+static void count_change(void *user)
+{
+    atomic_fetch_add((atomic_int *)user, 1);
+}
+
+static void test_while_read(void)
+{
+    char path[256];
+    struct diag diag = {""};
+    static double shared_m[PLACES], stored_m[PLACES];
+    atomic_bool stopping = false;
+    atomic_int changes = 0;
+    struct reader readers[2];
+    struct terrain_rect rect;
+    fresh("while.db", path);
+    struct dig_writer *writer = open_writer(path);
+    struct terrain_source *source = open_source(path);
+    database_source_share_dig(source, dig_writer_ground(writer));
+    CHECK_INT(source->ops->stream(source, count_change, &changes, &diag), 0);
+    for (int i = 0; i < 2; i++) {
+        readers[i] = (struct reader){.source = source, .stopping = &stopping};
+        pthread_create(&readers[i].thread, NULL, sample_on, &readers[i]);
+    }
+    for (int i = 0; i < 60; i++) {
+        struct stamp stamp = crater(60.0 + 0.0004 * (i % 9), -22.004 + 0.0007 * (i % 7), 60.0, 5.0);
+        add(writer, &stamp);
+        if (i % 10 == 9)
+            CHECK_INT(dig_writer_undo(writer, 3, 0, &diag), 0);
+        if (i % 15 == 7)
+            settle(writer);
+    }
+    atomic_store(&stopping, true);
+    for (int i = 0; i < 2; i++) {
+        pthread_join(readers[i].thread, NULL);
+        CHECK(readers[i].samples > 10);
+    }
+    CHECK(atomic_load(&changes) >= 66);
+    CHECK(source->ops->changed(source, &rect));
+    CHECK(rect.south_deg > 59.99 && rect.north_deg < 60.01 && rect.west_deg > -22.01);
+    for (int i = 0; i < PLACES; i++) {
+        struct query_place at = place_near(i);
+        point_m(source, at.lat_deg, at.lon_deg); /* may be late */
+        source->ops->settle(source);
+        shared_m[i] = point_m(source, at.lat_deg, at.lon_deg);
+    }
+    terrain_source_destroy(source);
+    heights_near(path, stored_m);
+    for (int i = 0; i < PLACES; i++)
+        CHECK_NEAR(shared_m[i], stored_m[i], 0.0625 + 1e-3);
+    dig_writer_close(writer);
+}
+
 int main(void)
 {
     static const struct check_test tests[] = {
@@ -445,6 +524,7 @@ int main(void)
         {"nothing is dug where the database has no heights", test_void},
         {"a database that is not there, or another's, is not dug", test_refusals},
         {"one digs in a database at a time", test_two_writers},
+        {"what is dug while others read is what they read", test_while_read},
     };
     return database_tests_main(tests, sizeof(tests) / sizeof(tests[0]));
 }

@@ -63,7 +63,7 @@ wait_for 2 above "$((${before%.*} + 300))" ||
     fail "the ground under the eye is $(field height_above_terrain_m) below, not $before + 300"
 sleep 1
 snapshot 2
-# shellcheck disable=SC2046 # names are ours
+# shellcheck disable=SC2012,SC2046 # names are ours
 cmp -s $(ls record/frame-*.png | head -n 2) && fail "the crater is not in the picture"
 "$OTWD" height dug.db 46.51 7.91 | grep -q '^70[01]' || fail "another program does not see it"
 
