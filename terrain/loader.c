@@ -298,6 +298,7 @@ static int start(struct loader *loader, const struct loader_params *params, stru
         r = loader->source->ops->stream(loader->source, on_arrival, loader, diag);
     if (r < 0)
         return r;
+    loader->filler.stopping = &loader->stopping;
     r = -pthread_create(&loader->thread, NULL, loader_main, loader);
     if (r < 0)
         return diag_set(diag, r, "cannot start the terrain loader: %s", strerror(-r));

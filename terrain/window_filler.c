@@ -13,7 +13,9 @@
 #define GEOID_COLUMNS 80 /* enough for the widest window */
 #define LATE_SIDE     64 /* half-posts a side of what is sampled again by itself */
 #define REFRESH_PARTS (LOADER_MAX_STRIPS / 2) /* each may need a strip of the finer level, too */
-#define CHUNK_POSTS   (LATE_SIDE * LATE_SIDE) /* half-posts that a worker takes at a time */
+#define PATIENCE      100 /* times that late heights are waited for: a cache may be too small for all \
+                           */
+#define CHUNK_POSTS (LATE_SIDE * LATE_SIDE) /* half-posts that a worker takes at a time */
 
 /* A rectangle of half-posts of one level that is to be sampled. */
 struct filler_part {
@@ -72,7 +74,9 @@ static bool sample_source(const struct window_filler *filler, struct terrain_sou
                           const struct terrain_grid *grid, float *ret_m, bool *late)
 {
     int r = source ? source->ops->sample_grid(source, grid, ret_m) : -ENOENT;
-    while (r == TERRAIN_LATE && filler->patient) {
+    for (int i = 0; r == TERRAIN_LATE && filler->patient && i < PATIENCE; i++) {
+        if (filler->stopping && atomic_load(filler->stopping))
+            break;
         source->ops->settle(source);
         r = source->ops->sample_grid(source, grid, ret_m);
     }

@@ -5,6 +5,8 @@
  * remembered and sampled again when the source has more. One thread calls; it has helpers. */
 #pragma once
 
+#include <stdatomic.h>
+
 #include "geo/geographic.h"
 #include "terrain/level_store.h"
 #include "terrain/parallel.h"
@@ -28,6 +30,7 @@ struct window_filler {
     bool placed;
     double ground_lat_deg, ground_lon_deg; /* under the eye */
     bool patient;                          /* waits for late heights */
+    const atomic_bool *stopping;           /* ends the waiting; borrowed, may be NULL */
     struct crew *crew;
     struct filler_scratch *scratch; /* [crew_size] */
     struct late_part *late;
