@@ -13,9 +13,8 @@
 #define GEOID_COLUMNS 80 /* enough for the widest window */
 #define LATE_SIDE     64 /* half-posts a side of what is sampled again by itself */
 #define REFRESH_PARTS (LOADER_MAX_STRIPS / 2) /* each may need a strip of the finer level, too */
-#define PATIENCE      100 /* times that late heights are waited for: a cache may be too small for all \
-                           */
-#define CHUNK_POSTS (LATE_SIDE * LATE_SIDE) /* half-posts that a worker takes at a time */
+#define PATIENCE      100 /* times that a call waits; a cache may be too small for it */
+#define CHUNK_POSTS   (LATE_SIDE * LATE_SIDE) /* half-posts that a worker takes at a time */
 
 /* A rectangle of half-posts of one level that is to be sampled. */
 struct filler_part {
