@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "render/ground_texture.h"
+#include "render/mapped_buffer.h"
 #include "render/program.h"
 #include "terrain/level_store.h"
 
@@ -41,12 +42,11 @@ struct upload_rect {
     GLint first_group;
 };
 
-/* A part of the uniform buffer, one for each arena. */
+/* What to copy from an arena. */
 struct upload_block {
     struct upload_rect rects[2 * LOADER_MAX_STRIPS];
 };
 static_assert(sizeof(struct upload_block) == 120 * 32, "as in upload.comp");
-static_assert(sizeof(struct upload_block) % 256 == 0, "parts must be bindable");
 
 /* What the next frame has to copy from an arena. */
 struct upload {
@@ -58,14 +58,11 @@ struct clipmap_pass {
     struct clipmap_shape shape;
     bool software;
     int instances;
-    GLuint program, upload_program, vertex_array, vertex_buffer, heights, surfaces, ground;
-    struct block_vertex *mapped;   /* BUFFERED_FRAMES parts, persistently mapped */
-    GLint base_block;              /* where the part that was prepared last begins */
-    GLuint arenas[LOADER_UPDATES]; /* pixel buffers that the loader writes into */
-    void *arena_memory[LOADER_UPDATES];
-    unsigned part;
-    GLuint upload_buffer;
-    struct upload_block *upload_blocks; /* [LOADER_UPDATES], persistently mapped */
+    GLuint program, upload_program, vertex_array, heights, surfaces, ground;
+    struct mapped_buffer vertices;      /* BUFFERED_FRAMES parts */
+    unsigned part;                      /* of the vertices: prepared last */
+    struct mapped_buffer arenas;        /* LOADER_UPDATES parts, which the loader writes */
+    struct mapped_buffer upload_blocks; /* a part for each arena */
     struct upload uploads[LOADER_UPDATES];
     unsigned upload_count;
 
@@ -98,41 +95,24 @@ static GLuint create_array(const struct clipmap_shape *shape, GLint side, GLenum
     return texture;
 }
 
-/* Client storage: the CPU writes, the GPU only copies from there. */
-static int create_arenas(struct clipmap_pass *pass, struct diag *diag)
+static int create_buffers(struct clipmap_pass *pass, struct diag *diag)
 {
-    const GLbitfield flags = GL_MAP_WRITE_BIT | GL_MAP_PERSISTENT_BIT | GL_MAP_COHERENT_BIT;
-    GLsizeiptr size = (GLsizeiptr)loader_arena_bytes(&pass->shape);
-    glCreateBuffers(LOADER_UPDATES, pass->arenas);
-    for (int i = 0; i < LOADER_UPDATES; i++) {
-        glNamedBufferStorage(pass->arenas[i], size, NULL, flags | GL_CLIENT_STORAGE_BIT);
-        pass->arena_memory[i] = glMapNamedBufferRange(pass->arenas[i], 0, size, flags);
-        if (!pass->arena_memory[i])
-            return diag_set(diag, -ENOMEM, "no memory for terrain updates of %zu MiB",
-                            (size_t)size >> 20);
-    }
-    return 0;
+    size_t arena = loader_arena_bytes(&pass->shape);
+    int r = mapped_buffer_create(&pass->arenas, arena, LOADER_UPDATES, true);
+    if (r == 0)
+        r = mapped_buffer_create(&pass->upload_blocks, sizeof(struct upload_block), LOADER_UPDATES,
+                                 false);
+    if (r == 0)
+        r = mapped_buffer_create(&pass->vertices, sizeof(pass->blocks), BUFFERED_FRAMES, false);
+    return r == 0 ? 0
+                  : diag_set(diag, r, "no memory for terrain updates of %zu MiB",
+                             LOADER_UPDATES * arena >> 20);
 }
 
-static void create_upload_buffer(struct clipmap_pass *pass)
+static void create_vertex_array(struct clipmap_pass *pass)
 {
-    const GLbitfield flags = GL_MAP_WRITE_BIT | GL_MAP_PERSISTENT_BIT | GL_MAP_COHERENT_BIT;
-    GLsizeiptr size = (GLsizeiptr)sizeof(struct upload_block) * LOADER_UPDATES;
-    glCreateBuffers(1, &pass->upload_buffer);
-    glNamedBufferStorage(pass->upload_buffer, size, NULL, flags);
-    pass->upload_blocks = glMapNamedBufferRange(pass->upload_buffer, 0, size, flags);
-}
-
-static void create_block_buffer(struct clipmap_pass *pass)
-{
-    const GLbitfield flags = GL_MAP_WRITE_BIT | GL_MAP_PERSISTENT_BIT | GL_MAP_COHERENT_BIT;
-    GLsizeiptr size = (GLsizeiptr)sizeof(pass->blocks) * BUFFERED_FRAMES;
-    glCreateBuffers(1, &pass->vertex_buffer);
-    glNamedBufferStorage(pass->vertex_buffer, size, NULL, flags);
-    pass->mapped = glMapNamedBufferRange(pass->vertex_buffer, 0, size, flags);
     glCreateVertexArrays(1, &pass->vertex_array);
     GLuint array = pass->vertex_array;
-    glVertexArrayVertexBuffer(array, 0, pass->vertex_buffer, 0, sizeof(struct block_vertex));
     glVertexArrayAttribIFormat(array, 0, 4, GL_SHORT, offsetof(struct block_vertex, block));
     glVertexArrayAttribIFormat(array, 1, 2, GL_SHORT, offsetof(struct block_vertex, level));
     glVertexArrayAttribFormat(array, 2, 2, GL_FLOAT, GL_FALSE,
@@ -163,11 +143,8 @@ int clipmap_pass_create(const struct clipmap_shape *shape, const struct gl_facts
                            &pass->program, diag);
     if (r == 0)
         r = program_create(&(struct program_params){.name = "upload"}, &pass->upload_program, diag);
-    if (r < 0) {
-        clipmap_pass_destroy(pass);
-        return r;
-    }
-    r = create_arenas(pass, diag);
+    if (r == 0)
+        r = create_buffers(pass, diag);
     if (r < 0) {
         clipmap_pass_destroy(pass);
         return r;
@@ -175,8 +152,7 @@ int clipmap_pass_create(const struct clipmap_shape *shape, const struct gl_facts
     pass->heights = create_array(shape, clipmap_storage(shape), GL_RG32F, GL_NEAREST);
     pass->surfaces = create_array(shape, 2 * clipmap_storage(shape), GL_RGBA8, GL_LINEAR);
     pass->ground = ground_texture_create(facts->software);
-    create_block_buffer(pass);
-    create_upload_buffer(pass);
+    create_vertex_array(pass);
     *ret_pass = pass;
     return 0;
 }
@@ -187,9 +163,9 @@ void clipmap_pass_destroy(struct clipmap_pass *pass)
         return;
     const GLuint textures[] = {pass->heights, pass->surfaces, pass->ground};
     glDeleteTextures(3, textures);
-    glDeleteBuffers(1, &pass->vertex_buffer);
-    glDeleteBuffers(1, &pass->upload_buffer);
-    glDeleteBuffers(LOADER_UPDATES, pass->arenas);
+    mapped_buffer_destroy(&pass->vertices);
+    mapped_buffer_destroy(&pass->upload_blocks);
+    mapped_buffer_destroy(&pass->arenas);
     glDeleteVertexArrays(1, &pass->vertex_array);
     glDeleteProgram(pass->program);
     glDeleteProgram(pass->upload_program);
@@ -206,8 +182,9 @@ static void add_rect(const struct clipmap_pass *pass, struct upload *upload, enu
     int texels = rect.rows * rect.cols, side = clipmap_storage(&pass->shape) << (kind == SURFACES);
     if (texels == 0)
         return;
+    struct upload_block *block = mapped_buffer_part(&pass->upload_blocks, (unsigned)upload->slot);
     assert(upload->rects < 2 * LOADER_MAX_STRIPS);
-    pass->upload_blocks[upload->slot].rects[upload->rects++] = (struct upload_rect){
+    block->rects[upload->rects++] = (struct upload_rect){
         .col0 = rect.col0,
         .row0 = rect.row0,
         .cols = rect.cols,
@@ -253,10 +230,10 @@ void clipmap_pass_upload(struct clipmap_pass *pass)
     for (unsigned i = 0; i < pass->upload_count; i++) {
         const struct upload *upload = &pass->uploads[i];
         GLuint rows = (upload->groups + UPLOAD_GROUPS_X - 1) / UPLOAD_GROUPS_X;
-        glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 0, pass->arenas[upload->slot]);
-        glBindBufferRange(GL_UNIFORM_BUFFER, 2, pass->upload_buffer,
-                          upload->slot * (GLintptr)sizeof(struct upload_block),
-                          sizeof(struct upload_block));
+        unsigned slot = (unsigned)upload->slot;
+        mapped_buffer_bind(&pass->arenas, GL_SHADER_STORAGE_BUFFER, 0, slot, pass->arenas.stride);
+        mapped_buffer_bind(&pass->upload_blocks, GL_UNIFORM_BUFFER, 2, slot,
+                           sizeof(struct upload_block));
         glUniform1i(0, (GLint)upload->rects);
         if (i > 0) /* a later update may write the same texels */
             glMemoryBarrier(GL_SHADER_IMAGE_ACCESS_BARRIER_BIT);
@@ -267,9 +244,9 @@ void clipmap_pass_upload(struct clipmap_pass *pass)
     pass->upload_count = 0;
 }
 
-void *const *clipmap_pass_arenas(const struct clipmap_pass *pass)
+void *clipmap_pass_arena(const struct clipmap_pass *pass, int slot)
 {
-    return pass->arena_memory;
+    return mapped_buffer_part(&pass->arenas, (unsigned)slot);
 }
 
 const struct clipmap_layout *clipmap_pass_layout(const struct clipmap_pass *pass)
@@ -352,8 +329,7 @@ void clipmap_pass_prepare(struct clipmap_pass *pass, int finest,
     if (pass->blocks_stale || finest != pass->listed_finest)
         list_blocks(pass, finest);
     pass->part = (pass->part + 1) % BUFFERED_FRAMES;
-    pass->base_block = (GLint)(pass->part * (sizeof(pass->blocks) / sizeof(pass->blocks[0])));
-    memcpy(pass->mapped + pass->base_block, pass->blocks,
+    memcpy(mapped_buffer_part(&pass->vertices, pass->part), pass->blocks,
            pass->block_count * sizeof(pass->blocks[0]));
     *ret_facts = (struct clipmap_pass_facts){.control_points = pass->block_count,
                                              .draws = pass->range_count,
@@ -366,13 +342,15 @@ void clipmap_pass_draw(const struct clipmap_pass *pass)
 {
     glUseProgram(pass->program);
     glBindVertexArray(pass->vertex_array);
+    glBindVertexBuffer(0, pass->vertices.name, (GLintptr)(pass->part * pass->vertices.stride),
+                       sizeof(struct block_vertex));
     glBindTextureUnit(0, pass->heights);
     glBindTextureUnit(1, pass->surfaces);
     glBindTextureUnit(2, pass->ground);
     glPatchParameteri(GL_PATCH_VERTICES, 1);
     for (unsigned i = 0; i < pass->range_count; i++) {
-        glDrawArraysInstanced(GL_PATCHES, pass->base_block + pass->ranges[i].first,
-                              pass->ranges[i].count, pass->instances * pass->instances);
+        glDrawArraysInstanced(GL_PATCHES, pass->ranges[i].first, pass->ranges[i].count,
+                              pass->instances * pass->instances);
         if (pass->software)
             glFlush();
     }

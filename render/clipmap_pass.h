@@ -22,8 +22,9 @@ int clipmap_pass_create(const struct clipmap_shape *shape, const struct gl_facts
                         struct clipmap_pass **ret_pass, struct diag *diag);
 void clipmap_pass_destroy(struct clipmap_pass *pass);
 
-/* The memory, LOADER_UPDATES pieces, into which the loader is to write its updates. */
-void *const *clipmap_pass_arenas(const struct clipmap_pass *pass);
+/* The memory of loader_arena_bytes() into which the loader is to write the updates of a slot, of
+ * LOADER_UPDATES. */
+void *clipmap_pass_arena(const struct clipmap_pass *pass, int slot);
 
 /* A frame is these calls in this order. Those that compute come before those that command the GPU:
  * a driver may hand over the first commands early, and the GPU would wait in the midst of a frame.

@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "render/mapped_buffer.h"
 #include "render/program.h"
 #include "terrain/imagery.h"
 
@@ -38,11 +39,10 @@ struct image_pass {
     struct image_shape shape;
     struct image_loader *loader;
     char defines[64];
-    GLuint upload, colours, waters, blocks;
-    GLuint arenas[IMAGE_UPDATES];
+    GLuint upload, colours, waters;
+    struct mapped_buffer arenas; /* IMAGE_UPDATES parts, which the loader writes */
     size_t water_offset;
-    char *mapped_blocks; /* BUFFERED_FRAMES of them, persistently mapped */
-    size_t block_stride;
+    struct mapped_buffer blocks; /* BUFFERED_FRAMES parts */
     unsigned block;
     struct image_layout layout; /* of the last update */
     double pixel_rad;           /* of the last view */
@@ -63,32 +63,16 @@ static GLuint create_array(const struct image_shape *shape, GLenum format)
     return texture;
 }
 
-static void create_blocks(struct image_pass *pass)
+static int create_buffers(struct image_pass *pass, struct image_loader_params *params)
 {
-    const GLbitfield flags = GL_MAP_WRITE_BIT | GL_MAP_PERSISTENT_BIT | GL_MAP_COHERENT_BIT;
-    GLint alignment = 256;
-    glGetIntegerv(GL_UNIFORM_BUFFER_OFFSET_ALIGNMENT, &alignment);
-    size_t unit = (size_t)alignment;
-    pass->block_stride = (sizeof(struct images_block) + unit - 1) / unit * unit;
-    GLsizeiptr size = (GLsizeiptr)(pass->block_stride * BUFFERED_FRAMES);
-    glCreateBuffers(1, &pass->blocks);
-    glNamedBufferStorage(pass->blocks, size, NULL, flags);
-    pass->mapped_blocks = glMapNamedBufferRange(pass->blocks, 0, size, flags);
-}
-
-/* Client storage: the CPU writes, the GPU only copies from there. */
-static bool create_arenas(struct image_pass *pass, struct image_loader_params *params)
-{
-    const GLbitfield flags = GL_MAP_WRITE_BIT | GL_MAP_PERSISTENT_BIT | GL_MAP_COHERENT_BIT;
-    GLsizeiptr size = (GLsizeiptr)image_loader_arena_bytes(params);
-    glCreateBuffers(IMAGE_UPDATES, pass->arenas);
-    for (int i = 0; i < IMAGE_UPDATES; i++) {
-        glNamedBufferStorage(pass->arenas[i], size, NULL, flags | GL_CLIENT_STORAGE_BIT);
-        params->arenas[i] = glMapNamedBufferRange(pass->arenas[i], 0, size, flags);
-        if (!params->arenas[i])
-            return false;
-    }
-    return true;
+    size_t arena = image_loader_arena_bytes(params);
+    int r = mapped_buffer_create(&pass->arenas, arena, IMAGE_UPDATES, true);
+    if (r == 0)
+        r = mapped_buffer_create(&pass->blocks, sizeof(struct images_block), BUFFERED_FRAMES,
+                                 false);
+    for (unsigned i = 0; r == 0 && i < IMAGE_UPDATES; i++)
+        params->arenas[i] = mapped_buffer_part(&pass->arenas, i);
+    return r;
 }
 
 /* All but the loader. */
@@ -109,8 +93,8 @@ static int create_storage(struct image_pass *pass, struct image_loader_params *p
         pass->colours = create_array(&pass->shape, GL_RGBA8);
     if (params->water)
         pass->waters = create_array(&pass->shape, GL_RG8);
-    create_blocks(pass);
-    if (!create_arenas(pass, params) || glGetError() == GL_OUT_OF_MEMORY)
+    r = create_buffers(pass, params);
+    if (r < 0 || glGetError() == GL_OUT_OF_MEMORY)
         return diag_set(diag, -ENOMEM, "no GPU memory for imagery: %d levels of %d x %d texels",
                         pass->shape.levels, pass->shape.side, pass->shape.side);
     return 0;
@@ -150,8 +134,8 @@ void image_pass_destroy(struct image_pass *pass)
     glDeleteProgram(pass->upload);
     glDeleteTextures(1, &pass->colours);
     glDeleteTextures(1, &pass->waters);
-    glDeleteBuffers(1, &pass->blocks);
-    glDeleteBuffers(IMAGE_UPDATES, pass->arenas);
+    mapped_buffer_destroy(&pass->blocks);
+    mapped_buffer_destroy(&pass->arenas);
     free(pass);
 }
 
@@ -178,7 +162,8 @@ static void upload(const struct image_pass *pass, const struct image_update *upd
 {
     GLint texels = update->rows * update->cols;
     glUseProgram(pass->upload);
-    glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 0, pass->arenas[update->slot]);
+    mapped_buffer_bind(&pass->arenas, GL_SHADER_STORAGE_BUFFER, 0, (unsigned)update->slot,
+                       pass->arenas.stride);
     if (pass->colours)
         glBindImageTexture(0, pass->colours, 0, GL_TRUE, 0, GL_WRITE_ONLY, GL_RGBA8);
     if (pass->waters)
@@ -269,8 +254,7 @@ void image_pass_prepare(struct image_pass *pass, const struct geodetic *eye, dou
     const struct image_shape *shape = &pass->shape;
     pass->pixel_rad = pixel_rad;
     pass->block = (pass->block + 1) % BUFFERED_FRAMES;
-    size_t offset = pass->block * pass->block_stride;
-    struct images_block *block = (struct images_block *)(void *)(pass->mapped_blocks + offset);
+    struct images_block *block = mapped_buffer_part(&pass->blocks, pass->block);
     block->range[0] = (float)finest_level(pass, height_m);
     block->range[1] = (float)(shape->levels - 1);
     block->range[2] = (float)(pixel_rad / (shape->step_deg * DEGREE * WGS84_A));
@@ -284,8 +268,8 @@ void image_pass_bind(const struct image_pass *pass)
 {
     if (!pass)
         return;
-    glBindBufferRange(GL_UNIFORM_BUFFER, BLOCK_IMAGES, pass->blocks,
-                      (GLintptr)(pass->block * pass->block_stride), sizeof(struct images_block));
+    mapped_buffer_bind(&pass->blocks, GL_UNIFORM_BUFFER, BLOCK_IMAGES, pass->block,
+                       sizeof(struct images_block));
     glBindTextureUnit(TEXTURE_COLOUR, pass->colours);
     glBindTextureUnit(TEXTURE_WATER, pass->waters);
 }

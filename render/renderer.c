@@ -9,6 +9,7 @@
 #include "geo/geographic.h"
 #include "render/clipmap_pass.h"
 #include "render/image_pass.h"
+#include "render/mapped_buffer.h"
 #include "render/program.h"
 #include "render/scene.h"
 #include "terrain/imagery.h"
@@ -30,9 +31,7 @@ struct renderer {
     GLuint empty_array;
     GLuint geometry_framebuffer, depth; /* what the terrain pass draws */
     GLuint framebuffer, colour;         /* what the shading pass writes */
-    GLuint scene_buffer;
-    char *scenes; /* BUFFERED_SCENES blocks, persistently mapped */
-    size_t scene_stride;
+    struct mapped_buffer scenes;        /* BUFFERED_SCENES parts */
     unsigned scene;
     bool debug_groups;
     GLuint time_query, pass_queries[PASS_MARKS], triangle_query;
@@ -87,17 +86,11 @@ static int create_framebuffers(struct renderer *renderer, struct diag *diag)
     return 0;
 }
 
-static void create_scene_buffer(struct renderer *renderer)
+static int create_scenes(struct renderer *renderer, struct diag *diag)
 {
-    const GLbitfield flags = GL_MAP_WRITE_BIT | GL_MAP_PERSISTENT_BIT | GL_MAP_COHERENT_BIT;
-    GLint alignment = 256;
-    glGetIntegerv(GL_UNIFORM_BUFFER_OFFSET_ALIGNMENT, &alignment);
-    size_t unit = (size_t)alignment;
-    renderer->scene_stride = (sizeof(struct scene_block) + unit - 1) / unit * unit;
-    GLsizeiptr size = (GLsizeiptr)(renderer->scene_stride * BUFFERED_SCENES);
-    glCreateBuffers(1, &renderer->scene_buffer);
-    glNamedBufferStorage(renderer->scene_buffer, size, NULL, flags);
-    renderer->scenes = glMapNamedBufferRange(renderer->scene_buffer, 0, size, flags);
+    int r =
+        mapped_buffer_create(&renderer->scenes, sizeof(struct scene_block), BUFFERED_SCENES, false);
+    return r == 0 ? 0 : diag_set(diag, r, "no memory for what the shaders read of a frame");
 }
 
 static void destroy_sources(const struct renderer_params *params)
@@ -125,7 +118,8 @@ static int create_loaders(struct renderer *renderer, const struct renderer_param
                                    .source = params->source,
                                    .fallback = params->fallback,
                                    .geoid = params->geoid};
-    memcpy(loader.arenas, clipmap_pass_arenas(renderer->clipmap), sizeof(loader.arenas));
+    for (int i = 0; i < LOADER_UPDATES; i++)
+        loader.arenas[i] = clipmap_pass_arena(renderer->clipmap, i);
     int r = loader_start(&loader, &renderer->loader, diag);
     if (r < 0)
         imagery_close(params->imagery);
@@ -150,6 +144,8 @@ int renderer_create(const struct renderer_params *params, const struct gl_facts 
     int r = clipmap_pass_create(&params->shape, facts, &renderer->clipmap, diag);
     if (r == 0)
         r = create_framebuffers(renderer, diag);
+    if (r == 0)
+        r = create_scenes(renderer, diag);
     if (r < 0)
         destroy_sources(params);
     else
@@ -160,7 +156,6 @@ int renderer_create(const struct renderer_params *params, const struct gl_facts 
         renderer_destroy(renderer);
         return r;
     }
-    create_scene_buffer(renderer);
     glCreateVertexArrays(1, &renderer->empty_array);
     glCreateQueries(GL_TIME_ELAPSED, 1, &renderer->time_query);
     glCreateQueries(GL_TIMESTAMP, PASS_MARKS, renderer->pass_queries);
@@ -186,7 +181,7 @@ void renderer_destroy(struct renderer *renderer)
     glDeleteFramebuffers(1, &renderer->geometry_framebuffer);
     glDeleteTextures(1, &renderer->colour);
     glDeleteTextures(1, &renderer->depth);
-    glDeleteBuffers(1, &renderer->scene_buffer);
+    mapped_buffer_destroy(&renderer->scenes);
     glDeleteQueries(1, &renderer->time_query);
     glDeleteQueries(PASS_MARKS, renderer->pass_queries);
     glDeleteQueries(1, &renderer->triangle_query);
@@ -252,8 +247,7 @@ static bool prepare_frame(struct renderer *renderer, struct view *view)
     renderer->frame.height_above_terrain_m = view->eye.height_m - renderer->ground_m;
     renderer->frame.undulation_m = view->undulation_m = renderer->undulation_m;
     renderer->scene = (renderer->scene + 1) % BUFFERED_SCENES;
-    size_t offset = renderer->scene * renderer->scene_stride;
-    struct scene_block *scene = (struct scene_block *)(void *)(renderer->scenes + offset);
+    struct scene_block *scene = mapped_buffer_part(&renderer->scenes, renderer->scene);
     scene_set_view(view, scene);
     if (!clipmap_pass_layout(renderer->clipmap))
         return false;
@@ -313,9 +307,8 @@ void renderer_draw(struct renderer *renderer, struct view *view)
     image_pass_upload(renderer->images);
     begin_pass(renderer, PASS_TERRAIN, "terrain");
     glBeginQuery(GL_PRIMITIVES_GENERATED, renderer->triangle_query);
-    glBindBufferRange(GL_UNIFORM_BUFFER, 0, renderer->scene_buffer,
-                      (GLintptr)(renderer->scene * renderer->scene_stride),
-                      sizeof(struct scene_block));
+    mapped_buffer_bind(&renderer->scenes, GL_UNIFORM_BUFFER, 0, renderer->scene,
+                       sizeof(struct scene_block));
     glBindFramebuffer(GL_FRAMEBUFFER, renderer->geometry_framebuffer);
     glViewport(0, 0, renderer->width, renderer->height);
     glClear(GL_DEPTH_BUFFER_BIT);
