@@ -8,9 +8,8 @@
 #include <string.h>
 
 #include "terrain/ground.h"
+#include "terrain/undulation.h"
 
-#define GEOID_STRIDE  16 /* half-posts */
-#define GEOID_COLUMNS 80 /* enough for the widest window */
 #define LATE_SIDE     64 /* half-posts a side of what is sampled again by itself */
 #define REFRESH_PARTS (LOADER_MAX_STRIPS / 2) /* each may need a strip of the finer level, too */
 #define PATIENCE      100 /* times that a call waits; a cache may be too small for it */
@@ -108,64 +107,6 @@ static void settle_ground(const struct window_filler *filler, const struct terra
     }
 }
 
-/* The undulation at a post of a grid. */
-static float undulation_at(const struct window_filler *filler, const struct terrain_grid *grid,
-                           int64_t row, int64_t col)
-{
-    double lat = fmin(fmax((double)row * grid->lat_step_deg, -90.0), 90.0);
-    double lon = longitude_normalised_deg((double)col * grid->lon_step_deg);
-    return (float)geoid_undulation_m(filler->geoid, lat, lon);
-}
-
-static float between(float a, float b, int i)
-{
-    return a + (b - a) * ((float)i * (1.0f / GEOID_STRIDE));
-}
-
-/* On fine grids the geoid is taken every GEOID_STRIDE posts, counted from the equator and Greenwich
- * whatever the rectangle, and is linear between: a square of 0.02 degrees, in which it bends by
- * less than a millimetre. */
-static void sample_fine_undulation(const struct window_filler *filler,
-                                   const struct terrain_grid *grid, float *ret_undulation_m)
-{
-    int64_t west = grid->col0 & ~(int64_t)(GEOID_STRIDE - 1), held = INT64_MIN;
-    int first = (int)(grid->col0 - west), count = (first + grid->cols - 1) / GEOID_STRIDE + 2;
-    float south[GEOID_COLUMNS], north[GEOID_COLUMNS];
-    assert(count <= GEOID_COLUMNS);
-    for (int r = 0; r < grid->rows; r++) {
-        int64_t row = grid->row0 + r, lower = row & ~(int64_t)(GEOID_STRIDE - 1);
-        float *out = ret_undulation_m + (size_t)r * (size_t)grid->cols;
-        for (int i = 0; i < count && lower != held; i++) {
-            int64_t col = west + (int64_t)i * GEOID_STRIDE;
-            south[i] = undulation_at(filler, grid, lower, col);
-            north[i] = undulation_at(filler, grid, lower + GEOID_STRIDE, col);
-        }
-        held = lower;
-        for (int c = 0; c < grid->cols; c++) {
-            int i = (first + c) / GEOID_STRIDE, j = (first + c) % GEOID_STRIDE;
-            float w = between(south[i], north[i], (int)(row - lower));
-            float e = between(south[i + 1], north[i + 1], (int)(row - lower));
-            out[c] = between(w, e, j);
-        }
-    }
-}
-
-static void sample_undulation(const struct window_filler *filler, const struct terrain_grid *grid,
-                              float *ret_undulation_m)
-{
-    size_t count = (size_t)grid->rows * (size_t)grid->cols;
-    if (!filler->geoid) {
-        memset(ret_undulation_m, 0, count * sizeof(float));
-    } else if (fmax(grid->lat_step_deg, grid->lon_step_deg) * GEOID_STRIDE <= 0.02) {
-        sample_fine_undulation(filler, grid, ret_undulation_m);
-    } else {
-        for (size_t i = 0; i < count; i++)
-            ret_undulation_m[i] =
-                undulation_at(filler, grid, grid->row0 + (int64_t)(i / (size_t)grid->cols),
-                              grid->col0 + (int64_t)(i % (size_t)grid->cols));
-    }
-}
-
 /* Samples the ground of some rows of a part into its level. */
 static void sample_chunk(const struct window_filler *filler, struct filler_scratch *scratch,
                          struct level_store *store, struct clipmap_rect rect,
@@ -178,7 +119,7 @@ static void sample_chunk(const struct window_filler *filler, struct filler_scrat
         for (size_t i = 0; i < count; i++)
             scratch->altitude_m[i] = NAN;
     settle_ground(filler, &grid, count, scratch, &late);
-    sample_undulation(filler, &grid, scratch->undulation_m);
+    undulation_of_grid(filler->geoid, &grid, scratch->undulation_m);
     if (level_store_put(store, rect, scratch->altitude_m, scratch->undulation_m, scratch->water))
         atomic_store(&part->changed, true);
     if (late)
