@@ -50,8 +50,9 @@ static void source_focus(struct terrain_source *terrain_source, double lat_deg, 
 
 static bool source_changed(struct terrain_source *terrain_source, struct terrain_rect *ret_rect)
 {
+    struct database_source *source = database_source_of(terrain_source);
     struct stamp_extent extent;
-    if (!dig_take_change(database_source_of(terrain_source)->dig, &extent))
+    if (!dig_take_change(source->dig, &source->changes_taken, &extent))
         return false;
     *ret_rect =
         (struct terrain_rect){extent.south_deg, extent.west_deg, extent.north_deg, extent.east_deg};

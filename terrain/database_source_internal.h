@@ -15,6 +15,7 @@ struct database_source {
     struct database_extent covered; /* by the coarsest tiles */
     bool streams;                   /* tiles are pinned, not waited for */
     double focus_lat_deg, focus_lon_deg;
+    uint64_t changes_taken; /* of the dug ground's */
 };
 
 static inline struct database_source *database_source_of(struct terrain_source *source)

@@ -291,12 +291,23 @@ void dig_listen(struct dig *dig, void (*changed)(void *user), void *user)
     pthread_mutex_unlock(&dig->lock);
 }
 
-bool dig_take_change(struct dig *dig, struct stamp_extent *ret_extent)
+uint64_t dig_changes(struct dig *dig)
 {
     pthread_mutex_lock(&dig->lock);
-    bool any = dig->change_count > 0;
-    if (any)
-        *ret_extent = dig->changes[--dig->change_count];
+    uint64_t count = dig->change_count;
     pthread_mutex_unlock(&dig->lock);
-    return any;
+    return count;
+}
+
+bool dig_take_change(struct dig *dig, uint64_t *taken, struct stamp_extent *ret_extent)
+{
+    static const struct stamp_extent everywhere = {-90.0, -180.0, 90.0, 180.0};
+    pthread_mutex_lock(&dig->lock);
+    uint64_t count = dig->change_count, behind = count - *taken;
+    if (behind > 0)
+        *ret_extent =
+            behind > DIG_CHANGES_KEPT ? everywhere : dig->changes[*taken % DIG_CHANGES_KEPT];
+    *taken = behind > DIG_CHANGES_KEPT ? count : *taken + (behind > 0);
+    pthread_mutex_unlock(&dig->lock);
+    return behind > 0;
 }
