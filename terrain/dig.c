@@ -22,12 +22,9 @@ void dig_view_finish(struct dig_view *view)
     let_go(view, 1);
 }
 
-/* The database's own tile, pinned until another is looked at in its place. */
-static const float *look(struct dig_view *view, int i, struct tile_id id)
+/* Pins the database's own tile in place of another. */
+static void hold(struct dig_view *view, int i, struct tile_id id)
 {
-    const struct tile_id *held = &view->ids[i];
-    if (view->held[i] && held->level == id.level && held->row == id.row && held->col == id.col)
-        return view->pins[i].heights_m;
     let_go(view, i);
     view->held[i] = true;
     view->ids[i] = id;
@@ -35,7 +32,15 @@ static const float *look(struct dig_view *view, int i, struct tile_id id)
         tile_cache_pin(view->ground->cache, id, view->ground->rank, &view->pins[i]);
     else if (tile_cache_pin_made(view->ground->cache, id, &view->pins[i]) < 0)
         view->pins[i].late = true;
-    view->late |= view->pins[i].late;
+}
+
+/* The database's own tile, pinned until another is looked at in its place. */
+static const float *look(struct dig_view *view, int i, struct tile_id id)
+{
+    const struct tile_id *held = &view->ids[i];
+    if (!view->held[i] || held->level != id.level || held->row != id.row || held->col != id.col)
+        hold(view, i, id);
+    view->late |= view->pins[i].late; /* also where it was held: another tile is made of it now */
     return view->pins[i].heights_m;
 }
 
