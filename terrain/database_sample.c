@@ -105,7 +105,7 @@ static void fill_nan(float *heights_m, int begin, int end)
 /* The lower, the sooner it is made: coarse levels first, then by the distance in tiles. */
 static float rank_of(const struct database_source *source, struct tile_id id)
 {
-    const struct grid *grid = &source->database->grid;
+    const struct grid *grid = &source->core->database->grid;
     unsigned shift = grid_lon_shift(grid, id.level, id.row);
     double width = grid_width_cells(grid, id.level, shift) / TILE_CELLS;
     double row = grid_row_at(grid, id.level, source->focus_lat_deg) / TILE_CELLS - 0.5;
@@ -118,8 +118,8 @@ static float rank_of(const struct database_source *source, struct tile_id id)
  * levels: the windows far around it would be thousands of tiles that are not there. */
 static bool is_beyond(const struct database_source *source, struct tile_id id)
 {
-    const struct grid *grid = &source->database->grid;
-    const struct database_extent *covered = &source->covered;
+    const struct grid *grid = &source->core->database->grid;
+    const struct database_extent *covered = &source->core->covered;
     if (!covered->any)
         return true;
     double lat_step_deg = grid_lat_step_deg(grid, id.level);
@@ -138,28 +138,22 @@ static bool is_beyond(const struct database_source *source, struct tile_id id)
 static const float *take_tile(struct sampling *sampling, struct tile_id id, struct tile_pin *pin)
 {
     struct database_source *source = sampling->source;
-    int status;
     *pin = (struct tile_pin){.entry = TILE_NONE};
     if (is_beyond(source, id))
         return NULL;
-    if (!source->streams)
-        return tile_cache_look(source->cache, id, &status);
-    tile_cache_pin(source->cache, id, rank_of(source, id), pin);
+    if (source->streams)
+        tile_cache_pin(source->core->cache, id, rank_of(source, id), pin);
+    else if (tile_cache_pin_made(source->core->cache, id, pin) < 0)
+        return NULL;
     sampling->late |= pin->late;
     return pin->heights_m;
-}
-
-static void leave_tile(struct database_source *source, const struct tile_pin *pin)
-{
-    if (source->streams)
-        tile_cache_unpin(source->cache, pin);
 }
 
 /* Heights along one row of posts. */
 static void fill_post_row(struct sampling *sampling, int64_t row, int32_t tile_row,
                           const struct columns *columns, float *ret_heights_m)
 {
-    const struct grid *grid = &sampling->source->database->grid;
+    const struct grid *grid = &sampling->source->core->database->grid;
     int level = sampling->level;
     unsigned shift = grid_lon_shift(grid, level, tile_row);
     double width = grid_width_cells(grid, level, shift);
@@ -193,7 +187,7 @@ static void fill_post_row(struct sampling *sampling, int64_t row, int32_t tile_r
         } else {
             fill_nan(ret_heights_m, span.begin, span.end);
         }
-        leave_tile(sampling->source, &pin);
+        tile_cache_unpin(sampling->source->core->cache, &pin);
         span.begin = span.end;
     }
 }
@@ -203,8 +197,8 @@ static void fill_post_row(struct sampling *sampling, int64_t row, int32_t tile_r
 static int level_for(const struct database_source *source, const struct terrain_grid *grid)
 {
     double step_deg = fmin(fabs(grid->lat_step_deg), fabs(grid->lon_step_deg)) * (1.0 + 1e-9);
-    int level = 0, top = database_top_level(source->database);
-    while (level < top && grid_lat_step_deg(&source->database->grid, level + 1) <= step_deg)
+    int level = 0, top = database_top_level(source->core->database);
+    while (level < top && grid_lat_step_deg(&source->core->database->grid, level + 1) <= step_deg)
         level++;
     return level;
 }
@@ -230,8 +224,8 @@ static void blend_rows(struct sampling *sampling, const struct row_place *place,
         int64_t row = place->row + side;
         if (pair->held[side] == row && pair->tile_row == place->tile_row)
             continue;
-        int32_t owner = grid_row_owner(&sampling->source->database->grid, sampling->level, row,
-                                       place->tile_row);
+        int32_t owner = grid_row_owner(&sampling->source->core->database->grid, sampling->level,
+                                       row, place->tile_row);
         fill_post_row(sampling, row, owner, columns, pair->heights_m[side]);
         pair->held[side] = row;
     }
@@ -243,7 +237,7 @@ static void blend_rows(struct sampling *sampling, const struct row_place *place,
 static void fill_row(struct sampling *sampling, double lat_deg, const struct columns *columns,
                      struct row_pair *pair, float *ret_heights_m)
 {
-    const struct grid *grid = &sampling->source->database->grid;
+    const struct grid *grid = &sampling->source->core->database->grid;
     struct row_place place = place_row(grid, sampling->level, lat_deg);
     int32_t owner = grid_row_owner(grid, sampling->level, place.row, place.tile_row);
     if (place.fraction == 0.0f)
@@ -267,7 +261,7 @@ static void fill_columns(struct sampling *sampling, const struct terrain_grid *g
 static struct dig_ground ground_of(const struct database_source *source)
 {
     return (struct dig_ground){
-        .cache = source->cache, .wait = !source->streams, .rank = -RANK_PER_LEVEL};
+        .cache = source->core->cache, .wait = !source->streams, .rank = -RANK_PER_LEVEL};
 }
 
 int database_source_sample_grid(struct terrain_source *terrain_source,
@@ -283,9 +277,9 @@ int database_source_sample_grid(struct terrain_source *terrain_source,
                                   grid->cols - col < COLUMNS_MAX ? grid->cols - col : COLUMNS_MAX};
         fill_columns(&sampling, grid, &columns, ret_height_m + col);
     }
-    if (dig_any(source->dig)) {
+    if (dig_any(source->core->dig)) {
         struct dig_ground ground = ground_of(source);
-        sampling.late |= dig_sample_grid(source->dig, &ground, grid, ret_height_m);
+        sampling.late |= dig_sample_grid(source->core->dig, &ground, grid, ret_height_m);
     }
     return sampling.late ? TERRAIN_LATE : 0;
 }
@@ -296,7 +290,7 @@ int database_source_sample_point(struct terrain_source *terrain_source, double l
     if (!isfinite(lat_deg) || !isfinite(lon_deg) || fabs(lat_deg) > 90.0 || fabs(lon_deg) > 1e6)
         return -EINVAL;
     struct dig_ground ground = ground_of(database_source_of(terrain_source));
-    struct dig *dig = database_source_of(terrain_source)->dig;
+    struct dig *dig = database_source_of(terrain_source)->core->dig;
     struct dig_cell cell;
     if (dig_any(dig) && dig_cell_at(dig, &ground, lat_deg, lon_deg, &cell)) {
         *ret_height_m = (double)surface_height_m(&cell.place, cell.south_m, cell.north_m);
@@ -315,7 +309,7 @@ int database_source_sample_point(struct terrain_source *terrain_source, double l
 static void prefetch_tile_row(struct database_source *source, int level, int32_t row,
                               const struct terrain_grid *grid)
 {
-    const struct grid *of = &source->database->grid;
+    const struct grid *of = &source->core->database->grid;
     unsigned shift = grid_lon_shift(of, level, row);
     int32_t around = grid_tile_cols(of, level, shift);
     double west_deg = (double)grid->col0 * grid->lon_step_deg;
@@ -325,7 +319,7 @@ static void prefetch_tile_row(struct database_source *source, int level, int32_t
     for (int64_t col = west; col <= east && col < west + around; col++) {
         struct tile_id id = {level, row, (int32_t)(col - grid_floor_div(col, around) * around)};
         if (!is_beyond(source, id))
-            tile_cache_want(source->cache, id, RANK_AHEAD + rank_of(source, id));
+            tile_cache_want(source->core->cache, id, RANK_AHEAD + rank_of(source, id));
     }
 }
 
@@ -336,8 +330,9 @@ void database_source_prefetch(struct terrain_source *terrain_source,
     int level = level_for(source, grid);
     double south_deg = (double)grid->row0 * grid->lat_step_deg;
     double north_deg = south_deg + (grid->rows - 1) * grid->lat_step_deg;
-    int32_t first = place_row(&source->database->grid, level, fmax(south_deg, -90.0)).tile_row;
-    int32_t last = place_row(&source->database->grid, level, fmin(north_deg, 90.0)).tile_row;
+    int32_t first =
+        place_row(&source->core->database->grid, level, fmax(south_deg, -90.0)).tile_row;
+    int32_t last = place_row(&source->core->database->grid, level, fmin(north_deg, 90.0)).tile_row;
     for (int32_t row = first; source->streams && row <= last; row++)
         prefetch_tile_row(source, level, row, grid);
 }

@@ -2,18 +2,33 @@
  * terrain/database_sample.c, which answers. */
 #pragma once
 
+#include <pthread.h>
+
 #include "terrain/database_extent.h"
 #include "terrain/dig.h"
 #include "terrain/tile_cache.h"
 
-struct database_source {
-    struct terrain_source source;
+struct database_source;
+
+/* An opened database, which all sources that share it have in common. */
+struct database_core {
     struct database *database;
     struct tile_cache *cache;
-    struct dig *dig, *own_dig; /* the latter where it is not shared */
+    struct dig *dig, *own_dig; /* the latter where it is not the writer's */
     struct terrain_facts facts;
-    struct database_extent covered; /* by the coarsest tiles */
-    bool streams;                   /* tiles are pinned, not waited for */
+    struct database_extent covered;    /* by the coarsest tiles */
+    pthread_mutex_t lock;              /* of what follows */
+    unsigned sources;                  /* the last one takes the core with it */
+    struct database_source *listeners; /* those that stream */
+};
+
+struct database_source {
+    struct terrain_source source;
+    struct database_core *core;
+    bool streams; /* tiles are pinned, not waited for */
+    void (*arrived)(void *user);
+    void *user;
+    struct database_source *next; /* that listens */
     double focus_lat_deg, focus_lon_deg;
     uint64_t changes_taken; /* of the dug ground's */
 };
