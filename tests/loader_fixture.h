@@ -54,6 +54,21 @@ static inline void take_updates(struct picture *picture)
     }
 }
 
+/* As a renderer would, until nothing is late any more. */
+static inline void draw_until_complete(struct picture *pictures, int count)
+{
+    bool complete = false;
+    for (int i = 0; i < 20000 && !complete; i++, nap()) {
+        complete = true;
+        for (int p = 0; p < count; p++) {
+            bool pending = loader_pending(pictures[p].loader);
+            take_updates(&pictures[p]);
+            complete &= !pending && pictures[p].layout.lon_factor != 0.0 && !pictures[p].late;
+        }
+    }
+    CHECK(complete);
+}
+
 /* The planet, of which all pictures share one. The main thread. */
 static inline struct terrain_source *planet(void)
 {
