@@ -272,39 +272,6 @@ static void test_undo_refused(void)
     dig_writer_close(writer);
 }
 
-/* One reader takes each change at once, one late, one far too late. */
-static void test_changes(void)
-{
-    char path[256];
-    struct diag diag = {""};
-    struct stamp_extent extent = {0.0, 0.0, 0.0, 0.0};
-    uint64_t prompt = 0, late = 0, last = 0;
-    fresh("changes.db", path);
-    struct dig_writer *writer = open_writer(path);
-    struct dig *dig = dig_writer_ground(writer);
-    for (int i = 0; i < DIG_CHANGES_KEPT; i++) {
-        struct stamp stamp = crater(60.0 + 1e-4 * i, -22.0, 5.0, 1.0);
-        add(writer, &stamp);
-        CHECK(dig_take_change(dig, &prompt, &extent));
-        CHECK_NEAR(0.5 * (extent.south_deg + extent.north_deg), 60.0 + 1e-4 * i, 1e-6);
-        CHECK(!dig_take_change(dig, &prompt, &extent));
-    }
-    CHECK(dig_take_change(dig, &late, &extent));
-    CHECK_NEAR(0.5 * (extent.south_deg + extent.north_deg), 60.0, 1e-6);
-    CHECK_INT(dig_writer_undo(writer, 2, 0, &diag), 0);
-    CHECK_INT(dig_changes(dig), DIG_CHANGES_KEPT + 2);
-    CHECK(dig_take_change(dig, &prompt, &extent)); /* the first that was undone */
-    CHECK_NEAR(0.5 * (extent.south_deg + extent.north_deg), 60.0 + 1e-4 * (DIG_CHANGES_KEPT - 2),
-               1e-6);
-    CHECK(dig_take_change(dig, &late, &extent));
-    CHECK(extent.south_deg == -90.0 && extent.east_deg == 180.0);
-    CHECK(!dig_take_change(dig, &late, &extent));
-    CHECK(dig_take_change(dig, &last, &extent));
-    CHECK(extent.south_deg == -90.0 && extent.east_deg == 180.0);
-    CHECK(!dig_take_change(dig, &last, &extent));
-    dig_writer_close(writer);
-}
-
 static void test_request(void)
 {
     char path[256];
@@ -602,7 +569,6 @@ int main(void)
         {"settled ground is dug like any other", test_on_settled},
         {"what is undone is as if it had never been", test_undo},
         {"an undo that is refused changes nothing", test_undo_refused},
-        {"each reader is told of every change of the ground", test_changes},
         {"a request that comes twice is done once", test_request},
         {"a pole keeps one height, the antimeridian has no edge", test_globe},
         {"normals are those of the dug ground", test_normal},

@@ -234,29 +234,84 @@ static void each_may_begin_and_end_in_its_own_thread(void)
     free(known_m);
 }
 
-static void what_is_dug_is_told_to_all(void)
+static struct dig_writer *open_writer(const char *path)
+{
+    struct diag diag = {""};
+    struct dig_writer *writer = NULL;
+    if (dig_writer_open(path, &writer, &diag) < 0)
+        CHECK_FAIL("opening for digging: %s", diag.text);
+    return writer;
+}
+
+static void dig_crater(struct dig_writer *writer, double lat_deg, double radius_m)
+{
+    struct diag diag = {""};
+    struct stamp stamp = {.kind = STAMP_CRATER,
+                          .lat_deg = lat_deg,
+                          .lon_deg = LON_DEG,
+                          .crater = {radius_m, 0.1 * radius_m, 0.02 * radius_m, 0.5 * radius_m}};
+    int64_t id;
+    if (stamp_prepare(&stamp, &diag) < 0 || dig_writer_add(writer, &stamp, 0, &id, &diag) != 0)
+        CHECK_FAIL("digging: %s", diag.text);
+}
+
+/* Takes a change, whose middle is at a latitude. */
+static void take_change(struct dig *dig, uint64_t *taken, double lat_deg)
+{
+    struct stamp_extent extent = {0.0, 0.0, 0.0, 0.0};
+    CHECK(dig_take_change(dig, taken, &extent));
+    CHECK_NEAR(0.5 * (extent.south_deg + extent.north_deg), lat_deg, 1e-6);
+}
+
+/* The list of changes has an end: who is too late is told of all of the Earth. */
+static void take_everywhere(struct dig *dig, uint64_t *taken)
+{
+    struct stamp_extent extent = {0.0, 0.0, 0.0, 0.0};
+    CHECK(dig_take_change(dig, taken, &extent));
+    CHECK(extent.south_deg == -90.0 && extent.east_deg == 180.0);
+    CHECK(!dig_take_change(dig, taken, &extent));
+}
+
+static void each_takes_every_change_in_its_own_time(void)
 {
     char path[256];
     struct diag diag = {""};
-    struct dig_writer *writer = NULL;
+    struct stamp_extent extent;
+    uint64_t prompt = 0, late = 0, last = 0;
+    snprintf(path, sizeof(path), "%s", path_of("changes.db"));
+    build_exact(path);
+    struct dig_writer *writer = open_writer(path);
+    struct dig *dig = dig_writer_ground(writer);
+    for (int i = 0; i < DIG_CHANGES_KEPT; i++) {
+        dig_crater(writer, 60.0 + 1e-4 * i, 5.0);
+        take_change(dig, &prompt, 60.0 + 1e-4 * i);
+        CHECK(!dig_take_change(dig, &prompt, &extent));
+    }
+    take_change(dig, &late, 60.0);
+    CHECK_INT(dig_writer_undo(writer, 2, 0, &diag), 0);
+    CHECK_INT(dig_changes(dig), DIG_CHANGES_KEPT + 2);
+    take_change(dig, &prompt, 60.0 + 1e-4 * (DIG_CHANGES_KEPT - 2));
+    take_change(dig, &prompt, 60.0 + 1e-4 * (DIG_CHANGES_KEPT - 1));
+    take_everywhere(dig, &late);
+    take_everywhere(dig, &last);
+    dig_writer_close(writer);
+}
+
+static void what_is_dug_is_told_to_all(void)
+{
+    char path[256];
     struct picture pictures[2] = {{NULL}}, before = {NULL}, after = {NULL};
-    struct stamp stamp = {.kind = STAMP_CRATER,
-                          .lat_deg = LAT_DEG,
-                          .lon_deg = LON_DEG,
-                          .crater = {600.0, 80.0, 10.0, 300.0}};
-    int64_t id;
     snprintf(path, sizeof(path), "%s", path_of("dug.db"));
     build_exact(path);
     fly_alone(&before, path, LAT_DEG, LON_DEG, 0);
-    CHECK_INT(dig_writer_open(path, &writer, &diag), 0);
+    struct dig_writer *writer = open_writer(path);
     struct terrain_source *source = open_large(path);
     database_source_share_dig(source, dig_writer_ground(writer));
     open_pictures(pictures, 2, source);
     for (int i = 0; i < 2; i++)
         loader_wish(pictures[i].loader, LAT_DEG, LON_DEG, 0, false);
     draw_until_complete(pictures, 2);
-    CHECK_INT(stamp_prepare(&stamp, &diag), 0);
-    CHECK_INT(dig_writer_add(writer, &stamp, 0, &id, &diag), 0);
+    dig_crater(writer, LAT_DEG, 600.0);
     fly_alone(&after, path, LAT_DEG, LON_DEG, 0);
     CHECK(differences(&before, &after) > 100);
     for (int i = 0; i < 2; i++) {
@@ -356,6 +411,7 @@ static const struct check_test tests[] = {
     {"one that stops leaves the others alone", one_that_stops_leaves_the_others_alone},
     {"who has gone is not called", who_has_gone_is_not_called},
     {"each may begin and end in its own thread", each_may_begin_and_end_in_its_own_thread},
+    {"each takes every change in its own time", each_takes_every_change_in_its_own_time},
     {"what is dug is told to all", what_is_dug_is_told_to_all},
     {"memory is bounded and nobody waits for the others",
      memory_is_bounded_and_nobody_waits_for_the_others},
