@@ -111,7 +111,9 @@ static void *dig_main(void *data)
     setpriority(PRIO_PROCESS, (id_t)gettid(), NICENESS);
     for (;;) {
         struct job job;
-        bool asked = ring_count(&thread->jobs) > 0 || wait_for_request(thread, settled);
+        /* Whoever looked for a request while it stored tiles may have had what woke it. */
+        bool asked = ring_count(&thread->jobs) > 0 || atomic_load(&thread->stopping) ||
+                     wait_for_request(thread, settled);
         while (ring_take(&thread->jobs, &job)) {
             do_job(thread, &job);
             settled = false;

@@ -122,19 +122,20 @@ typedef bool (*database_verify_function)(void *user, const struct database_fault
 int database_verify(struct database *database, database_verify_function function, void *user,
                     struct database_verify_report *ret_report, struct diag *diag);
 
-/* A terrain source over a database, keeping at most `cache_tiles` decoded tiles (66 KiB each; at
- * least 16). Failures as database_open. A tile that is damaged or missing is counted in read_errors
- * and drawn from its parent. */
+/* A terrain source over a database; with all that share it, it keeps at most `cache_tiles` decoded
+ * tiles (66 KiB each; at least 64). Failures as database_open. A tile that is damaged or missing is
+ * counted in read_errors and drawn from its parent. */
 int database_source_open(const char *path, unsigned cache_tiles, struct terrain_source **ret_source,
                          struct diag *diag);
 
-/* The database under a source; borrowed. */
+/* The database under a source; borrowed, from all that share it. */
 struct database *database_of_source(struct terrain_source *source);
-/* Its decoded tiles, which other threads may share once it streams; borrowed. */
+/* Its decoded tiles, which other threads may use; borrowed. */
 struct tile_cache *tile_cache_of_source(struct terrain_source *source);
 
 struct dig;
-/* What was dug in it, which other threads may share; borrowed. */
+/* What was dug in it, which other threads may use; borrowed. */
 struct dig *dig_of_source(struct terrain_source *source);
-/* Lets a source show what another thread digs in its database; borrowed. Before it streams. */
+/* Lets a source, and all that share it, show what another thread digs in its database; borrowed.
+ * Before any of them streams. */
 void database_source_share_dig(struct terrain_source *source, struct dig *dig);

@@ -22,12 +22,9 @@ void dig_view_finish(struct dig_view *view)
     let_go(view, 1);
 }
 
-/* The database's own tile, pinned until another is looked at in its place. */
-static const float *look(struct dig_view *view, int i, struct tile_id id)
+/* Pins the database's own tile in place of another. */
+static void hold(struct dig_view *view, int i, struct tile_id id)
 {
-    const struct tile_id *held = &view->ids[i];
-    if (view->held[i] && held->level == id.level && held->row == id.row && held->col == id.col)
-        return view->pins[i].heights_m;
     let_go(view, i);
     view->held[i] = true;
     view->ids[i] = id;
@@ -35,7 +32,15 @@ static const float *look(struct dig_view *view, int i, struct tile_id id)
         tile_cache_pin(view->ground->cache, id, view->ground->rank, &view->pins[i]);
     else if (tile_cache_pin_made(view->ground->cache, id, &view->pins[i]) < 0)
         view->pins[i].late = true;
-    view->late |= view->pins[i].late;
+}
+
+/* The database's own tile, pinned until another is looked at in its place. */
+static const float *look(struct dig_view *view, int i, struct tile_id id)
+{
+    const struct tile_id *held = &view->ids[i];
+    if (!view->held[i] || held->level != id.level || held->row != id.row || held->col != id.col)
+        hold(view, i, id);
+    view->late |= view->pins[i].late; /* also where it was held: another tile is made of it now */
     return view->pins[i].heights_m;
 }
 
@@ -291,12 +296,23 @@ void dig_listen(struct dig *dig, void (*changed)(void *user), void *user)
     pthread_mutex_unlock(&dig->lock);
 }
 
-bool dig_take_change(struct dig *dig, struct stamp_extent *ret_extent)
+uint64_t dig_changes(struct dig *dig)
 {
     pthread_mutex_lock(&dig->lock);
-    bool any = dig->change_count > 0;
-    if (any)
-        *ret_extent = dig->changes[--dig->change_count];
+    uint64_t count = dig->change_count;
     pthread_mutex_unlock(&dig->lock);
-    return any;
+    return count;
+}
+
+bool dig_take_change(struct dig *dig, uint64_t *taken, struct stamp_extent *ret_extent)
+{
+    static const struct stamp_extent everywhere = {-90.0, -180.0, 90.0, 180.0};
+    pthread_mutex_lock(&dig->lock);
+    uint64_t count = dig->change_count, behind = count - *taken;
+    if (behind > 0)
+        *ret_extent =
+            behind > DIG_CHANGES_KEPT ? everywhere : dig->changes[*taken % DIG_CHANGES_KEPT];
+    *taken = behind > DIG_CHANGES_KEPT ? count : *taken + (behind > 0);
+    pthread_mutex_unlock(&dig->lock);
+    return behind > 0;
 }

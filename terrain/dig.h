@@ -14,7 +14,8 @@
 #include "terrain/surface.h"
 #include "terrain/tile_cache.h"
 
-#define DIG_CACHE_TILES 512 /* decoded, 66 KiB each */
+#define DIG_CACHE_TILES  512 /* decoded, 66 KiB each */
+#define DIG_CHANGES_KEPT 256
 
 struct dig;
 
@@ -65,7 +66,12 @@ const struct dig_grid *dig_grid_of(const struct dig *dig);
 /* Its stamps, while nobody digs. */
 const struct dig_index *dig_index_of(const struct dig *dig);
 
-/* `changed` is called, by the writer's thread, after the ground has changed; NULL ends that. */
+/* `changed` is called, by the writer's thread, after the ground has changed; NULL ends that. One
+ * listener; it may not call back. */
 void dig_listen(struct dig *dig, void (*changed)(void *user), void *user);
-/* Where it has since the last call; false where nowhere. For the one listener. */
-bool dig_take_change(struct dig *dig, struct stamp_extent *ret_extent);
+/* How often it has. Any thread. */
+uint64_t dig_changes(struct dig *dig);
+/* Where it has after the first `*taken` changes, which are then one more; false where nowhere. Each
+ * reader counts for itself; all of the Earth for one that is more than DIG_CHANGES_KEPT behind. Any
+ * thread. */
+bool dig_take_change(struct dig *dig, uint64_t *taken, struct stamp_extent *ret_extent);

@@ -9,8 +9,6 @@
 #include "terrain/dig_store.h"
 #include "terrain/tile_table.h"
 
-#define DIG_CHANGES_MAX 256
-
 struct dig {
     char path[DATABASE_NAME_MAX];
     struct dig_grid grid;      /* never changes */
@@ -19,8 +17,8 @@ struct dig {
     struct dig_index index;    /* changed by the writer's thread alone, which reads it unlocked */
     struct tile_table table;   /* decoded tiles */
     uint64_t errors;
-    struct stamp_extent changes[DIG_CHANGES_MAX]; /* not taken yet */
-    unsigned change_count;
+    struct stamp_extent changes[DIG_CHANGES_KEPT]; /* change i in place i % DIG_CHANGES_KEPT */
+    uint64_t change_count;
     void (*changed)(void *user);
     void *user;
     _Atomic uint32_t stamps; /* of the index */

@@ -175,7 +175,7 @@ static void fill_level(struct sampler *sampler)
         fill_tile_row(sampler, row);
 }
 
-/* The coarsest level that is as fine as the grid, as terrain/database_source.c chooses it. */
+/* The coarsest level that is as fine as the grid, as terrain/database_sample.c chooses it. */
 static int level_for(const struct dig_grid *tiles, const struct terrain_grid *grid)
 {
     double step_deg = fmin(fabs(grid->lat_step_deg), fabs(grid->lon_step_deg)) * (1.0 + 1e-9);

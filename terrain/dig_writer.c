@@ -23,13 +23,10 @@ struct dig_writer {
     float *heights_m; /* a tile; owned */
 };
 
+/* Under the lock. */
 static void push_change(struct dig *dig, const struct stamp_extent *extent)
 {
-    static const struct stamp_extent everywhere = {-90.0, -180.0, 90.0, 180.0};
-    if (dig->change_count == DIG_CHANGES_MAX) /* nobody has looked for long */
-        dig->changes[0] = everywhere;
-    else
-        dig->changes[dig->change_count++] = *extent;
+    dig->changes[dig->change_count++ % DIG_CHANGES_KEPT] = *extent;
 }
 
 static void tell(struct dig *dig)
@@ -42,28 +39,32 @@ static void tell(struct dig *dig)
     pthread_mutex_unlock(&dig->lock);
 }
 
-/* Puts what the journal says in place of what is known. */
-static int reload(struct dig_writer *writer, struct diag *diag)
+/* What the journal says. */
+static int load(struct dig_writer *writer, struct dig_index *ret_index, struct diag *diag)
+{
+    dig_index_init(ret_index, &writer->dig->grid);
+    int r = dig_load(writer->database, ret_index, NULL, diag);
+    if (r < 0)
+        dig_index_finish(ret_index);
+    return r;
+}
+
+/* Puts what is left of the stamps in place of all; those from `first` on have gone. */
+static void replace_index(struct dig_writer *writer, const struct dig_index *left, uint32_t first)
 {
     struct dig *dig = writer->dig;
-    struct dig_index index, old;
-    dig_index_init(&index, &dig->grid);
-    int r = dig_load(writer->database, &index, NULL, diag);
-    if (r < 0) {
-        dig_index_finish(&index);
-        return r;
-    }
     pthread_mutex_lock(&dig->lock);
-    old = dig->index;
-    dig->index = index;
+    struct dig_index old = dig->index;
+    dig->index = *left;
     for (uint32_t i = 0; i < dig->table.count; i++)
         dig->table.entries[i].state = TILE_EMPTY;
     dig->table.ready = 0;
-    atomic_store_explicit(&dig->stamps, index.stamp_count, memory_order_release);
+    for (uint32_t i = first; i < old.stamp_count; i++)
+        push_change(dig, &old.stamps[i].extent);
+    atomic_store_explicit(&dig->stamps, left->stamp_count, memory_order_release);
     pthread_mutex_unlock(&dig->lock);
     dig_index_finish(&old);
     writer->next = 0;
-    return 0;
 }
 
 /* Begins a transaction on the file that still has its name. */
@@ -107,8 +108,12 @@ int dig_writer_open(const char *path, struct dig_writer **ret_writer, struct dia
         r = database_lock_take(path, &writer->lock, diag);
     if (r == 0)
         r = dig_open(path, &writer->dig, diag);
-    if (r == 0 && dig_errors(writer->dig) > 0)
-        r = reload(writer, diag); /* says which stamp it is */
+    if (r == 0 && dig_errors(writer->dig) > 0) {
+        struct dig_index index;
+        r = load(writer, &index, diag); /* says which stamp it is */
+        if (r == 0)
+            replace_index(writer, &index, UINT32_MAX);
+    }
     if (r < 0) {
         dig_writer_close(writer);
         return r;
@@ -237,16 +242,17 @@ int dig_writer_undo(struct dig_writer *writer, uint32_t count, int64_t request, 
         r = dig_store_undo(writer->database, index->stamps[i].id, request ? request : 1, diag);
     if (r == 0)
         r = drop_tiles(writer, first, diag);
+    struct dig_index left = {.stamp_count = 0}; /* read before the commit: then nothing may fail */
+    if (r == 0)
+        r = load(writer, &left, diag);
     r = end(writer, r, diag);
-    if (r < 0)
+    if (r < 0) {
+        dig_index_finish(&left);
         return r;
-    pthread_mutex_lock(&dig->lock);
-    for (uint32_t i = first; i < index->stamp_count; i++)
-        push_change(dig, &index->stamps[i].extent);
-    pthread_mutex_unlock(&dig->lock);
-    r = reload(writer, diag);
+    }
+    replace_index(writer, &left, first);
     tell(dig);
-    return r;
+    return 0;
 }
 
 /* A tile that is behind its stamps, and the last of them. */

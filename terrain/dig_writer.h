@@ -34,7 +34,8 @@ int dig_writer_add(struct dig_writer *writer, const struct stamp *stamp, int64_t
                    int64_t *ret_id, struct diag *diag);
 
 /* Takes the last `count` stamps away, as if they had never been. 0, DIG_KNOWN, -EINVAL where there
- * are not so many, else as above. */
+ * are not so many, -EBADMSG where a stamp of the journal is damaged, else as above: then nothing
+ * has changed. */
 int dig_writer_undo(struct dig_writer *writer, uint32_t count, int64_t request, struct diag *diag);
 
 #define DIG_SETTLE_TILES 64 /* in one transaction */

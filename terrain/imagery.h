@@ -6,7 +6,9 @@
  * What a database does not have at a level it has from the next coarser one that is there. A tile
  * that is damaged or missing is counted in read_errors and shown from its parent.
  *
- * A handle has its own connection to the file and belongs to one thread at a time. */
+ * A handle has its own connection to the file and its own decoded tiles, and belongs to one thread
+ * at a time: channels of one process have one each, where they share a terrain source for heights.
+ */
 #pragma once
 
 #include "terrain/database_layers.h"

@@ -4,7 +4,9 @@
  * update moves all windows at once, so what is drawn is always consistent. At most LOADER_UPDATES
  * are under way; the loader works from the newest wish.
  *
- * The loader owns the terrain source and the geoid while it runs. */
+ * The loader owns the terrain source and the geoid while it runs. Several loaders, one for each
+ * channel of a process, have the same tiles by terrain_source_share(): each is given a source of
+ * its own, and what one of them does, stopping included, is nothing to the others. */
 #pragma once
 
 #include <stdbool.h>
@@ -83,7 +85,7 @@ struct loader;
 
 /* Starts the thread "otwd-terrain". On failure everything whose ownership passes is destroyed. */
 int loader_start(const struct loader_params *params, struct loader **ret_loader, struct diag *diag);
-/* Legal on NULL. */
+/* Destroys what it owns: its source's threads call it no more. Legal on NULL. */
 void loader_stop(struct loader *loader);
 
 /* Says where the eye is and which level will be the finest. A patient wish is answered when the
@@ -102,6 +104,7 @@ void loader_wait(struct loader *loader);
 /* True while a wish is not yet answered. */
 bool loader_pending(const struct loader *loader);
 
+/* Those of tiles are the source's, of all that share it. */
 struct loader_counts {
     uint64_t tiles_loaded, read_errors, posts_sampled, updates;
     uint64_t tile_hits, tile_misses, prefetched; /* as struct terrain_counts has them */

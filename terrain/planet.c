@@ -5,6 +5,7 @@
 
 #include <errno.h>
 #include <math.h>
+#include <stdatomic.h>
 #include <stdbool.h>
 #include <stdlib.h>
 
@@ -25,6 +26,7 @@
 struct planet {
     struct terrain_source source; /* first */
     struct planet_grid grid;
+    atomic_uint users;
 };
 
 /* What neighbouring posts look up alike. */
@@ -279,8 +281,19 @@ static void planet_facts(const struct terrain_source *source, struct terrain_fac
 static void planet_destroy(struct terrain_source *source)
 {
     struct planet *p = (struct planet *)source;
+    if (atomic_fetch_sub(&p->users, 1) > 1)
+        return;
     planet_grid_finish(&p->grid);
     free(p);
+}
+
+/* Nothing about it changes: all use the one. */
+static int planet_share(struct terrain_source *source, struct terrain_source **ret_source)
+{
+    struct planet *p = (struct planet *)source;
+    atomic_fetch_add(&p->users, 1);
+    *ret_source = source;
+    return 0;
 }
 
 int planet_open(struct terrain_source **ret, struct diag *diag)
@@ -290,6 +303,7 @@ int planet_open(struct terrain_source **ret, struct diag *diag)
         .sample_point = planet_sample_point,
         .facts = planet_facts,
         .destroy = planet_destroy,
+        .share = planet_share,
     };
     struct planet *p = calloc(1, sizeof(*p));
     if (!p)
@@ -300,6 +314,7 @@ int planet_open(struct terrain_source **ret, struct diag *diag)
         return r;
     }
     p->source.ops = &ops;
+    p->users = 1;
     *ret = &p->source;
     return 0;
 }

@@ -5,7 +5,7 @@
  *
  * A handle is a view of its own on the decoded tiles of a database source, which the renderer's
  * loader may stream through at the same time. One thread at a time uses a handle; several handles
- * may share a source once it streams (or none streams and one thread uses all of it). */
+ * may have the same source, or sources that share it. */
 #pragma once
 
 #include <stdbool.h>
@@ -25,7 +25,8 @@ struct query_params {
                                         used by this handle alone */
 };
 
-/* Borrows all of it. Where the database is to stream, it does so already. Returns 0 or -ENOMEM. */
+/* Borrows all of it; of the database's source, what it shares: another that shares it will do.
+ * Returns 0 or -ENOMEM. */
 int query_create(const struct query_params *params, struct query **ret_query);
 /* Legal on NULL. */
 void query_destroy(struct query *query);

@@ -37,7 +37,7 @@ struct terrain_rect {
 
 struct terrain_source;
 
-/* Since the source was opened; of interest where it reads from a disk. */
+/* Since the source was opened, of all that share it; of interest where it reads from a disk. */
 struct terrain_counts {
     uint64_t tiles_loaded;                  /* read and decoded */
     uint64_t read_errors;                   /* tiles that could not be */
@@ -52,7 +52,7 @@ struct terrain_source_ops {
     /* Fills ret_height_m[rows][cols] with orthometric heights (metres above the EGM96 geoid);
      * NaN where the source has none. Returns 0, -errno, or, once `stream` was
      * called, TERRAIN_LATE; a tile that cannot be read is counted, not returned. Several threads
-     * may sample at once where the source has no `stream`, or once that was called. */
+     * may sample at once. */
     int (*sample_grid)(struct terrain_source *source, const struct terrain_grid *grid,
                        float *ret_height_m);
     /* The height of the finest surface at one place (bilinear between the four posts around it);
@@ -64,7 +64,7 @@ struct terrain_source_ops {
 
     /* For sources that read from a disk; NULL where heights are always at hand. */
     /* From now on sampling does not wait; `arrived` is called, by any thread, when there is more to
-     * be had than the last time. Returns 0 or -errno. */
+     * be had than the last time; it may not call back. Once. Returns 0 or -errno. */
     int (*stream)(struct terrain_source *source, void (*arrived)(void *user), void *user,
                   struct diag *diag);
     /* Waits until what was late can be sampled. */
@@ -73,17 +73,30 @@ struct terrain_source_ops {
     void (*prefetch)(struct terrain_source *source, const struct terrain_grid *grid);
     void (*focus)(struct terrain_source *source, double lat_deg, double lon_deg);
     void (*counts)(struct terrain_source *source, struct terrain_counts *ret_counts);
-    /* Where heights have changed since the last call, `arrived` having told; false: nowhere. */
+    /* Where heights have changed since the last call, or since it streams, `arrived` having told;
+     * false: nowhere. */
     bool (*changed)(struct terrain_source *source, struct terrain_rect *ret_rect);
+
+    /* terrain_source_share(); NULL where there can be one only. */
+    int (*share)(struct terrain_source *source, struct terrain_source **ret_source);
 };
 
-/* Embedded first in each implementation. One thread at a time may use a source, but for
- * sample_grid. */
+/* Embedded first in each implementation. One thread at a time may use a source, but for sample_grid
+ * and those that share it. */
 struct terrain_source {
     const struct terrain_source_ops *ops;
 };
 
 /* All 0 for a source that reads from no disk. */
 struct terrain_counts terrain_source_counts(struct terrain_source *source);
+
+/* Another source on the same ground, for another channel of the process. What is read and decoded
+ * is so once for all, within the memory that the first was given; each has its own focus, streams
+ * or not, is told of arrivals and takes changes for itself, and is used by its own thread. Each is
+ * destroyed, in any order, by any thread; once it is, its `arrived` is not called any more. What is
+ * open closes with the last. (It may be the same source, where nothing is its own.) Returns 0 or
+ * -ENOMEM. Any thread, while the source is not destroyed. */
+int terrain_source_share(struct terrain_source *source, struct terrain_source **ret_source);
+
 /* Legal on NULL. */
 void terrain_source_destroy(struct terrain_source *source);

@@ -1,5 +1,5 @@
 /* Where a place lies on the surface of one level of a database: between four posts of one tile, or
- * of two where the longitude factor changes. The way of single places; terrain/database_source.c
+ * of two where the longitude factor changes. The way of single places; terrain/database_sample.c
  * walks rows and comes to the same bits. Pure; any thread. */
 #pragma once
 

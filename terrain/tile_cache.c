@@ -3,6 +3,7 @@
 #include <errno.h>
 #include <math.h>
 #include <pthread.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -22,7 +23,7 @@ struct worker {
 struct tile_cache {
     struct database *database;
     struct worker workers[TILE_CACHE_WORKERS_MAX];
-    unsigned worker_count;
+    _Atomic unsigned worker_count;
     void (*arrived)(void *user);
     void *user;
 
@@ -264,10 +265,21 @@ void tile_cache_want(struct tile_cache *cache, struct tile_id id, float rank)
     pthread_mutex_unlock(&cache->lock);
 }
 
+static bool lacks_since(const struct tile_cache *cache, int64_t time_ns)
+{
+    for (uint32_t i = 0; cache->table.late > 0 && i < cache->table.count; i++) {
+        const struct tile_entry *entry = &cache->table.entries[i];
+        if (entry->late_ns && entry->late_ns <= time_ns)
+            return true;
+    }
+    return false;
+}
+
 void tile_cache_settle(struct tile_cache *cache)
 {
     pthread_mutex_lock(&cache->lock);
-    while (cache->table.late > 0)
+    int64_t now_ns = clock_monotonic_ns();
+    while (lacks_since(cache, now_ns))
         pthread_cond_wait(&cache->made, &cache->lock);
     pthread_mutex_unlock(&cache->lock);
 }

@@ -24,8 +24,8 @@ int tile_cache_create(struct database *database, unsigned capacity, struct tile_
 void tile_cache_destroy(struct tile_cache *cache);
 
 /* Starts threads "otwd-tiles", each with a handle of its own on the database's file; `arrived` is
- * called by them after each tile that somebody lacked. Once, before any other thread uses the
- * cache. Returns 0 or -errno. */
+ * called by them after each tile that somebody lacked. Where there are none yet. Returns 0 or
+ * -errno. */
 int tile_cache_start(struct tile_cache *cache, unsigned workers, void (*arrived)(void *user),
                      void *user, struct diag *diag);
 
@@ -47,8 +47,8 @@ bool tile_cache_streams(const struct tile_cache *cache);
 /* Any thread; never waits for the disk. Needs workers. */
 void tile_cache_pin(struct tile_cache *cache, struct tile_id id, float rank,
                     struct tile_pin *ret_pin);
-/* Waits until the tile is decoded: by a worker, or, where there are none, here and now (then one
- * thread at a time). Returns 0, or -ENOMEM and an empty pin. */
+/* Waits until the tile is decoded: by a worker, or, where there are none, here and now. Any thread.
+ * Returns 0, or -ENOMEM and an empty pin. */
 int tile_cache_pin_made(struct tile_cache *cache, struct tile_id id, struct tile_pin *ret_pin);
 void tile_cache_unpin(struct tile_cache *cache, const struct tile_pin *pin);
 
@@ -56,7 +56,8 @@ void tile_cache_unpin(struct tile_cache *cache, const struct tile_pin *pin);
  * second. Any thread. */
 void tile_cache_want(struct tile_cache *cache, struct tile_id id, float rank);
 
-/* Waits until every tile that was pinned too early is there, or forgotten. */
+/* Waits until every tile that was pinned too early is there, or forgotten; not for those that
+ * others pin meanwhile. Any thread. */
 void tile_cache_settle(struct tile_cache *cache);
 
 struct tile_cache_counts {

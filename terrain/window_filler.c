@@ -239,8 +239,7 @@ static struct clipmap_rect around_both(struct clipmap_rect a, struct clipmap_rec
 }
 
 /* Cuts a rectangle by squares of LATE_SIDE half-posts, so that each part can be sampled again when
- * its own tiles are there, and no two overlap. With no room left (the windows moved far while
- * nothing came) a part stays coarse until it is left. */
+ * its own tiles are there, and no two overlap: there is room for all of the windows. */
 static void remember_late(struct window_filler *filler, int level, struct clipmap_rect rect)
 {
     for (int32_t row = cell_of(rect.row0); row < rect.row0 + rect.rows; row += LATE_SIDE)
@@ -250,8 +249,10 @@ static void remember_late(struct window_filler *filler, int level, struct clipma
             struct late_part *there = late_part_at(filler, level, row, col);
             if (there)
                 there->half_posts = around_both(there->half_posts, part);
-            else if (filler->late_count < filler->late_capacity)
+            else {
+                assert(filler->late_count < filler->late_capacity);
                 filler->late[filler->late_count++] = (struct late_part){level, part};
+            }
         }
 }
 
@@ -353,13 +354,13 @@ void window_filler_move(struct window_filler *filler, const struct clipmap_layou
         count += plan_level(filler, level, layout, parts + count);
     for (int level = 0; level < finest; level++)
         filler->stores[level].filled = false;
+    forget_late(filler); /* first: it makes room */
     sample_parts(filler, parts, count);
     for (size_t i = 0; i < count; i++) {
         if (atomic_load(&parts[i].late))
             remember_late(filler, parts[i].level, parts[i].half_posts);
         add_part(filler, &parts[i], update);
     }
-    forget_late(filler);
     filler->ground_lat_deg = lat_deg;
     filler->ground_lon_deg = lon_deg;
     ground_below(filler, update);

@@ -2,7 +2,9 @@
 #include <errno.h>
 #include <poll.h>
 
+#include "base/clock.h"
 #include "daemon/dig_thread.h"
+#include "terrain/dig_store.h"
 #include "terrain/dig_writer.h"
 #include "tests/database_fixture.h"
 
@@ -157,6 +159,64 @@ static void test_full(void)
     dig_close(dig);
 }
 
+static uint64_t tiles_stored(const char *path)
+{
+    struct diag diag = {""};
+    struct database *database = NULL;
+    struct dig_counts counts = {.tiles = 0};
+    if (database_open(path, &database, &diag) < 0 || dig_store_count(database, &counts, &diag) < 0)
+        CHECK_FAIL("counting: %s", diag.text);
+    database_close(database);
+    return counts.tiles;
+}
+
+static double until_more_are_stored_s(const char *path)
+{
+    nsec_t begin_ns = clock_monotonic_ns();
+    uint64_t before = tiles_stored(path);
+    do
+        poll(NULL, 0, 1);
+    while (tiles_stored(path) == before && clock_monotonic_ns() - begin_ns < 20 * NSEC_PER_SEC);
+    return seconds_from_ns(clock_monotonic_ns() - begin_ns);
+}
+
+/* True where it takes no longer than the tiles that are being stored. */
+static bool stops_at_once(struct dig_thread *thread, const char *path)
+{
+    until_more_are_stored_s(path);
+    double some_s = until_more_are_stored_s(path);
+    nsec_t begin_ns = clock_monotonic_ns();
+    dig_thread_stop(thread);
+    return seconds_from_ns(clock_monotonic_ns() - begin_ns) < some_s + 0.7;
+}
+
+/* A strip of four thousand tiles, 64 of which are stored at a time. */
+static void test_stop(void)
+{
+    static uint8_t body[STAMP_BYTES_MAX];
+    char path[256];
+    struct stamp strip = {.kind = STAMP_FLATTEN,
+                          .lat_deg = 60.5,
+                          .lon_deg = -22.2,
+                          .flatten = {45.0, 15000.0, 500.0, 50.0, 60.0, 20.0}};
+    struct dig_message message = {.kind = DIG_ADD, .session = 9, .request = 1, .body = body};
+    bool at_once = false;
+    snprintf(path, sizeof(path), "%s", path_of("stop.db"));
+    build_exact(path);
+    CHECK_INT(stamp_prepare(&strip, NULL), 0);
+    message.size = stamp_encode(&strip, body);
+    for (int i = 0; i < 3 && !at_once; i++) { /* the machine may be busy */
+        struct dig_thread *thread = open_thread(path);
+        CHECK(ask(thread, &message).status == DIG_STATUS_DONE);
+        at_once = stops_at_once(thread, path);
+    }
+    CHECK(at_once);
+    struct dig *dig = NULL;
+    CHECK_INT(dig_open(path, &dig, NULL), 0);
+    CHECK(tiles_stored(path) < dig_index_of(dig)->tile_count / 2); /* it was in the midst of it */
+    dig_close(dig);
+}
+
 int main(void)
 {
     static const struct check_test tests[] = {
@@ -164,6 +224,7 @@ int main(void)
         {"what is no request is refused by name", test_refused},
         {"a request is answered when it is on the disk, and done once", test_thread},
         {"the next request to many is not taken", test_full},
+        {"it stops in the midst of storing tiles", test_stop},
     };
     return database_tests_main(tests, sizeof(tests) / sizeof(tests[0]));
 }

@@ -2,18 +2,10 @@
  * that nothing of that stays. */
 #include <pthread.h>
 #include <stdatomic.h>
-#include <time.h>
 
 #include "base/clock.h"
-#include "terrain/loader.h"
-#include "terrain/planet.h"
 #include "terrain/tile_cache.h"
-#include "tests/database_fixture.h"
-
-static void nap(void)
-{
-    nanosleep(&(struct timespec){.tv_nsec = 1000000}, NULL);
-}
+#include "tests/loader_fixture.h"
 
 static atomic_uint arrivals;
 
@@ -160,105 +152,6 @@ static void many_threads_see_whole_tiles_only(void)
     database_close(database);
 }
 
-/* What a renderer would have in its textures. */
-struct picture {
-    struct loader *loader;
-    void *arenas[LOADER_UPDATES];
-    struct loader_height *heights; /* [levels][side][side] */
-    struct loader_surface *surfaces;
-    struct clipmap_layout layout;
-    bool late, was_late;
-};
-
-static const struct clipmap_shape shape = {.n = 31, .levels = 6, .step_deg = 1.0 / 480.0};
-
-static void lay(void *texture, size_t element, int side, int level, struct clipmap_rect rect,
-                const void *from)
-{
-    for (int r = 0; r < rect.rows; r++)
-        for (int c = 0; c < rect.cols; c++) {
-            int y = (rect.row0 + r) & (side - 1), x = (rect.col0 + c) & (side - 1);
-            memcpy((char *)texture + element * (size_t)((level * side + y) * side + x),
-                   (const char *)from + element * (size_t)(r * rect.cols + c), element);
-        }
-}
-
-static void take_updates(struct picture *picture)
-{
-    int side = clipmap_storage(&shape);
-    struct loader_update *update;
-    while ((update = loader_take(picture->loader))) {
-        for (unsigned i = 0; i < update->strip_count; i++) {
-            const struct loader_strip *s = &update->strips[i];
-            lay(picture->heights, sizeof(struct loader_height), side, s->level, s->posts,
-                update->heights + s->height_offset);
-            lay(picture->surfaces, sizeof(struct loader_surface), 2 * side, s->level, s->half_posts,
-                update->surfaces + s->surface_offset);
-        }
-        picture->layout = update->layout;
-        picture->late = update->late;
-        picture->was_late |= update->late;
-        loader_give_back(picture->loader, update);
-    }
-}
-
-static void open_picture(struct picture *picture, unsigned samplers)
-{
-    struct diag diag = {""};
-    size_t texels =
-        (size_t)shape.levels * (size_t)clipmap_storage(&shape) * (size_t)clipmap_storage(&shape);
-    struct loader_params params = {
-        .shape = shape, .source = open_source(path_of("exact.db")), .samplers = samplers};
-    CHECK_INT(planet_open(&params.fallback, &diag), 0);
-    for (int i = 0; i < LOADER_UPDATES; i++)
-        params.arenas[i] = picture->arenas[i] = malloc(loader_arena_bytes(&shape));
-    picture->heights = calloc(texels, sizeof(*picture->heights));
-    picture->surfaces = calloc(4 * texels, sizeof(*picture->surfaces));
-    if (loader_start(&params, &picture->loader, &diag) < 0)
-        CHECK_FAIL("%s", diag.text);
-}
-
-static void close_picture(struct picture *picture)
-{
-    loader_stop(picture->loader);
-    for (int i = 0; i < LOADER_UPDATES; i++)
-        free(picture->arenas[i]);
-    free(picture->heights);
-    free(picture->surfaces);
-}
-
-/* Counts the elements of a rectangle that differ in two toroidal textures. */
-static int differences_of(const void *a, const void *b, size_t element, int side, int level,
-                          struct clipmap_rect rect)
-{
-    int different = 0;
-    for (int r = 0; r < rect.rows; r++)
-        for (int c = 0; c < rect.cols; c++) {
-            int y = (rect.row0 + r) & (side - 1), x = (rect.col0 + c) & (side - 1);
-            size_t at = element * (size_t)((level * side + y) * side + x);
-            different += memcmp((const char *)a + at, (const char *)b + at, element) != 0;
-        }
-    return different;
-}
-
-static int differences(const struct picture *a, const struct picture *b)
-{
-    int side = clipmap_storage(&shape), n = shape.n;
-    int different = memcmp(&a->layout, &b->layout, sizeof(a->layout)) != 0;
-    for (int level = 0; level < shape.levels; level++) {
-        struct clipmap_window window = a->layout.windows[level];
-        struct clipmap_rect posts = {window.row0, window.col0, n, n};
-        /* Slopes on the rim are one-sided or not, by when the neighbour left the window. */
-        struct clipmap_rect inside = {2 * window.row0 + 1, 2 * window.col0 + 1, 2 * n - 3,
-                                      2 * n - 3};
-        different +=
-            differences_of(a->heights, b->heights, sizeof(*a->heights), side, level, posts);
-        different +=
-            differences_of(a->surfaces, b->surfaces, sizeof(*a->surfaces), 2 * side, level, inside);
-    }
-    return different;
-}
-
 static void wish_for(struct picture *picture, int step, bool patient)
 {
     loader_wish(picture->loader, 60.0 + 0.003 * step, -22.6 + 0.001 * step, 0, patient);
@@ -269,8 +162,8 @@ static void wish_for(struct picture *picture, int step, bool patient)
 static void a_flight_that_outruns_its_tiles_ends_in_the_same_terrain(void)
 {
     struct picture patient = {NULL}, hasty = {NULL};
-    open_picture(&patient, 1);
-    open_picture(&hasty, 4);
+    open_picture(&patient, open_source(path_of("exact.db")), 1);
+    open_picture(&hasty, open_source(path_of("exact.db")), 4);
     wish_for(&hasty, 0, false);
     for (int i = 0; hasty.layout.lon_factor == 0.0 && i < 5000; i++, nap())
         take_updates(&hasty);
@@ -285,9 +178,7 @@ static void a_flight_that_outruns_its_tiles_ends_in_the_same_terrain(void)
         take_updates(&patient);
         CHECK(!patient.late);
     }
-    for (int i = 0; (i < 100 || hasty.late) && i < 5000; i++, nap())
-        take_updates(&hasty);
-    CHECK(!hasty.late);
+    draw_until_complete(&hasty, 1);
     CHECK_INT(differences(&patient, &hasty), 0);
     close_picture(&hasty);
     close_picture(&patient);

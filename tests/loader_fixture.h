@@ -1,0 +1,140 @@
+/* A loader and what a renderer would have made of its updates. */
+#pragma once
+
+#include <time.h>
+
+#include "terrain/loader.h"
+#include "terrain/planet.h"
+#include "tests/database_fixture.h"
+
+static inline void nap(void)
+{
+    nanosleep(&(struct timespec){.tv_nsec = 1000000}, NULL);
+}
+
+/* What a renderer would have in its textures. */
+struct picture {
+    struct loader *loader;
+    void *arenas[LOADER_UPDATES];
+    struct loader_height *heights; /* [levels][side][side] */
+    struct loader_surface *surfaces;
+    struct clipmap_layout layout;
+    bool late, was_late;
+};
+
+static const struct clipmap_shape shape = {.n = 31, .levels = 6, .step_deg = 1.0 / 480.0};
+
+static inline void lay(void *texture, size_t element, int side, int level, struct clipmap_rect rect,
+                       const void *from)
+{
+    for (int r = 0; r < rect.rows; r++)
+        for (int c = 0; c < rect.cols; c++) {
+            int y = (rect.row0 + r) & (side - 1), x = (rect.col0 + c) & (side - 1);
+            memcpy((char *)texture + element * (size_t)((level * side + y) * side + x),
+                   (const char *)from + element * (size_t)(r * rect.cols + c), element);
+        }
+}
+
+static inline void take_updates(struct picture *picture)
+{
+    int side = clipmap_storage(&shape);
+    struct loader_update *update;
+    while ((update = loader_take(picture->loader))) {
+        for (unsigned i = 0; i < update->strip_count; i++) {
+            const struct loader_strip *s = &update->strips[i];
+            lay(picture->heights, sizeof(struct loader_height), side, s->level, s->posts,
+                update->heights + s->height_offset);
+            lay(picture->surfaces, sizeof(struct loader_surface), 2 * side, s->level, s->half_posts,
+                update->surfaces + s->surface_offset);
+        }
+        picture->layout = update->layout;
+        picture->late = update->late;
+        picture->was_late |= update->late;
+        loader_give_back(picture->loader, update);
+    }
+}
+
+/* As a renderer would, until nothing is late any more. */
+static inline void draw_until_complete(struct picture *pictures, int count)
+{
+    bool complete = false;
+    for (int i = 0; i < 20000 && !complete; i++, nap()) {
+        complete = true;
+        for (int p = 0; p < count; p++) {
+            bool pending = loader_pending(pictures[p].loader);
+            take_updates(&pictures[p]);
+            complete &= !pending && pictures[p].layout.lon_factor != 0.0 && !pictures[p].late;
+        }
+    }
+    CHECK(complete);
+}
+
+/* The planet, of which all pictures share one. The main thread. */
+static inline struct terrain_source *planet(void)
+{
+    static struct terrain_source *first;
+    struct terrain_source *source = NULL;
+    struct diag diag = {""};
+    if (!first && planet_open(&first, &diag) < 0)
+        CHECK_FAIL("%s", diag.text);
+    CHECK_INT(terrain_source_share(first, &source), 0);
+    return source;
+}
+
+/* Takes the source, and puts the planet beneath it. */
+static inline void open_picture(struct picture *picture, struct terrain_source *source,
+                                unsigned samplers)
+{
+    struct diag diag = {""};
+    size_t texels =
+        (size_t)shape.levels * (size_t)clipmap_storage(&shape) * (size_t)clipmap_storage(&shape);
+    struct loader_params params = {
+        .shape = shape, .source = source, .fallback = planet(), .samplers = samplers};
+    for (int i = 0; i < LOADER_UPDATES; i++)
+        params.arenas[i] = picture->arenas[i] = malloc(loader_arena_bytes(&shape));
+    picture->heights = calloc(texels, sizeof(*picture->heights));
+    picture->surfaces = calloc(4 * texels, sizeof(*picture->surfaces));
+    if (loader_start(&params, &picture->loader, &diag) < 0)
+        CHECK_FAIL("%s", diag.text);
+}
+
+static inline void close_picture(struct picture *picture)
+{
+    loader_stop(picture->loader);
+    for (int i = 0; i < LOADER_UPDATES; i++)
+        free(picture->arenas[i]);
+    free(picture->heights);
+    free(picture->surfaces);
+}
+
+/* Counts the elements of a rectangle that differ in two toroidal textures. */
+static inline int differences_of(const void *a, const void *b, size_t element, int side, int level,
+                                 struct clipmap_rect rect)
+{
+    int different = 0;
+    for (int r = 0; r < rect.rows; r++)
+        for (int c = 0; c < rect.cols; c++) {
+            int y = (rect.row0 + r) & (side - 1), x = (rect.col0 + c) & (side - 1);
+            size_t at = element * (size_t)((level * side + y) * side + x);
+            different += memcmp((const char *)a + at, (const char *)b + at, element) != 0;
+        }
+    return different;
+}
+
+static inline int differences(const struct picture *a, const struct picture *b)
+{
+    int side = clipmap_storage(&shape), n = shape.n;
+    int different = memcmp(&a->layout, &b->layout, sizeof(a->layout)) != 0;
+    for (int level = 0; level < shape.levels; level++) {
+        struct clipmap_window window = a->layout.windows[level];
+        struct clipmap_rect posts = {window.row0, window.col0, n, n};
+        /* Slopes on the rim are one-sided or not, by when the neighbour left the window. */
+        struct clipmap_rect inside = {2 * window.row0 + 1, 2 * window.col0 + 1, 2 * n - 3,
+                                      2 * n - 3};
+        different +=
+            differences_of(a->heights, b->heights, sizeof(*a->heights), side, level, posts);
+        different +=
+            differences_of(a->surfaces, b->surfaces, sizeof(*a->surfaces), 2 * side, level, inside);
+    }
+    return different;
+}
