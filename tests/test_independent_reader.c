@@ -37,26 +37,6 @@ static void check_heights(struct tile_cache *cache, const struct reader_tile *ti
         CHECK_FAIL("%s: %d heights differ", name_of(tile), wrong);
 }
 
-/* Rows and columns of a tile that are true posts: the rest repeats. */
-static bool is_true_post(const struct reader_tile *tile, int r, int c)
-{
-    int64_t last_col =
-        reader_last_col(&reader, tile->level, reader_lon_shift(&reader, tile->level, tile->row));
-    int64_t row = 128 * (int64_t)tile->row + r;
-    bool beyond = row > 0 ? reader_row_lat_deg(&reader, tile->level, row - 1) >= 90.0
-                          : reader_row_lat_deg(&reader, tile->level, row + 1) <= -90.0;
-    return !beyond && 128 * (int64_t)tile->col + c <= last_col;
-}
-
-static bool is_counted(const struct reader_tile *tile, int r, int c)
-{
-    int64_t last_col =
-        reader_last_col(&reader, tile->level, reader_lon_shift(&reader, tile->level, tile->row));
-    bool pole = reader_row_lat_deg(&reader, tile->level, 128 * (int64_t)tile->row + r) >= 90.0;
-    return is_true_post(tile, r, c) && (r < 128 || pole) && c < 128 &&
-           128 * (int64_t)tile->col + c < last_col;
-}
-
 static void check_measures(const struct reader_tile *tile)
 {
     float min_m = INFINITY, max_m = -INFINITY;
@@ -66,7 +46,8 @@ static void check_measures(const struct reader_tile *tile)
             continue;
         min_m = fminf(min_m, tile->heights_m[i]);
         max_m = fmaxf(max_m, tile->heights_m[i]);
-        posts += is_counted(tile, i / READER_POSTS, i % READER_POSTS);
+        posts += reader_counts_post(&reader, tile->level, tile->row, tile->col, i / READER_POSTS,
+                                    i % READER_POSTS);
     }
     bool right = min_m <= max_m ? (float)tile->min_m == min_m && (float)tile->max_m == max_m
                                 : isnan(tile->min_m) && isnan(tile->max_m);
@@ -133,7 +114,8 @@ static void check_errors(const struct reader_tile *tile)
         double worst_m = 0.0, stated_m = above->error_mm / 1000.0 - reader.max_error_m;
         for (int i = 0; i < READER_COUNT; i++) {
             int r = i / READER_POSTS, c = i % READER_POSTS;
-            if (isnan(tile->heights_m[i]) || !is_true_post(tile, r, c))
+            if (isnan(tile->heights_m[i]) ||
+                !reader_is_true_post(&reader, tile->level, tile->row, tile->col, r, c))
                 continue;
             double coarse_m = surface_m(
                 above, reader_row_lat_deg(&reader, tile->level, 128 * (int64_t)tile->row + r),
