@@ -160,6 +160,8 @@ static const char *read_metadata(struct reader *reader, sqlite3 *db)
     reader->top_level = (int)metadata_number(db, "top_level");
     reader->stated_tiles = (long long)metadata_number(db, "tiles");
     reader->sources = (long long)query_number(db, "SELECT max(id) FROM sources");
+    reader->upper_source =
+        (int)query_number(db, "SELECT id FROM sources ORDER BY priority DESC, id DESC LIMIT 1");
     metadata(db, "checksum", reader->checksum, sizeof(reader->checksum));
     char sql[2000];
     uint32_t crc = 0;

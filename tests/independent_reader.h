@@ -43,6 +43,7 @@ struct reader {
     long long stated_tiles;
     char checksum[16], computed_checksum[16];
     long long sources; /* the largest id */
+    int upper_source;  /* the one that lies over the others */
     int tile_count;
     struct reader_tile **tiles; /* coarse ones first */
 };
