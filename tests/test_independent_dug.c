@@ -268,6 +268,7 @@ static void dig_and_check(const char *path, double lat_deg, double lon_deg, doub
     dig_all(writer, lat_deg, lon_deg);
     settle(writer);
     add(writer, crater(lat_deg, lon_deg, 300.0, 50.0));
+    add(writer, crater(-lat_deg, lon_deg + 180.0, 300.0, 50.0)); /* nothing of it is here */
     dig_writer_close(writer);
     CHECK(several(check_ground(path, lat_deg, lon_deg, extent_deg)));
     finish();
