@@ -1,6 +1,5 @@
 /* `otwd dig DB ...`: the ground of a database, changed for good. */
 #include <errno.h>
-#include <jansson.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -11,6 +10,7 @@
 #include "daemon/cli.h"
 #include "daemon/commands.h"
 #include "daemon/dig_client.h"
+#include "daemon/dig_list.h"
 #include "daemon/dig_options.h"
 #include "daemon/import_exec.h"
 #include "terrain/dig_writer.h"
@@ -106,44 +106,6 @@ static int ask(const struct dig_options *options)
     return EX_OK;
 }
 
-static json_t *json_of(const struct dig_stamp *dug)
-{
-    const struct stamp_extent *extent = &dug->extent;
-    return json_pack("{s:I,s:s,s:f,s:f,s:{s:f,s:f,s:f,s:f}}", "stamp", (json_int_t)dug->id, "kind",
-                     stamp_kind_name(dug->stamp.kind), "lat_deg", dug->stamp.lat_deg, "lon_deg",
-                     dug->stamp.lon_deg, "extent_deg", "south", extent->south_deg, "west",
-                     extent->west_deg, "north", extent->north_deg, "east", extent->east_deg);
-}
-
-/* Needs no right to write. */
-static int list(const struct dig_options *options, struct diag *diag)
-{
-    struct dig *dig = NULL;
-    int r = dig_open(options->target, &dig, diag);
-    if (r < 0)
-        return r;
-    const struct dig_index *index = dig_index_of(dig);
-    json_t *stamps = json_array();
-    for (uint32_t i = 0; i < index->stamp_count; i++) {
-        const struct dig_stamp *dug = &index->stamps[i];
-        if (options->json)
-            json_array_append_new(stamps, json_of(dug));
-        else
-            printf("%lld %s %.7f %.7f\n", (long long)dug->id, stamp_kind_name(dug->stamp.kind),
-                   dug->stamp.lat_deg, dug->stamp.lon_deg);
-    }
-    if (options->json) {
-        json_dumpf(stamps, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(12));
-        putchar('\n');
-    }
-    json_decref(stamps);
-    if (dig_errors(dig))
-        r = diag_set(diag, -EBADMSG, "%s: %llu stamps are damaged", options->target,
-                     (unsigned long long)dig_errors(dig));
-    dig_close(dig);
-    return r;
-}
-
 static int dig_here(const struct dig_options *options, struct diag *diag)
 {
     struct dig_writer *writer = NULL;
@@ -172,7 +134,8 @@ int dig_main(int argc, char **argv)
     if (is_remote(&options) && !options.list) {
         status = ask(&options);
     } else {
-        int r = options.list ? list(&options, &diag) : dig_here(&options, &diag);
+        int r = options.list ? dig_list(options.target, options.json, &diag)
+                             : dig_here(&options, &diag);
         status = r == -EACCES ? EX_IOERR : r < 0 ? cli_exit_status(r) : EX_OK;
         if (r < 0)
             fprintf(stderr, "otwd: %s\n", diag.text[0] ? diag.text : strerror(-r));

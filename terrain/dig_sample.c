@@ -146,7 +146,8 @@ static void fill_tile_row(struct sampler *sampler, int32_t row)
     double west_deg = (double)grid->col0 * grid->lon_step_deg;
     double east_deg = west_deg + (grid->cols - 1) * grid->lon_step_deg;
     double west = grid_col_at(tiles, sampler->level, shift, west_deg);
-    double east = grid_col_at(tiles, sampler->level, shift, east_deg);
+    /* What surface_place() snaps to a post may lie that much short of it. */
+    double east = grid_col_at(tiles, sampler->level, shift, east_deg) + SURFACE_SNAP_CELLS;
     for (double turn = floor(west / width); turn * width <= east; turn++) {
         double first = floor(fmax(west - turn * width, 0.0) / TILE_CELLS);
         double last = fmin(floor((east - turn * width) / TILE_CELLS), around - 1.0);
@@ -167,7 +168,7 @@ static void fill_level(struct sampler *sampler)
     double south_deg = fmax((double)grid->row0 * grid->lat_step_deg, -90.0);
     double north_deg = fmin((double)(grid->row0 + grid->rows - 1) * grid->lat_step_deg, 90.0);
     double south = floor(grid_row_at(tiles, level, south_deg) / TILE_CELLS - 1e-6);
-    double north = floor(grid_row_at(tiles, level, north_deg) / TILE_CELLS);
+    double north = floor((grid_row_at(tiles, level, north_deg) + SURFACE_SNAP_CELLS) / TILE_CELLS);
     int32_t first = grid_first_tile_row(tiles, level), last = grid_last_tile_row(tiles, level);
     first = south > first ? (int32_t)south : first;
     last = north < last ? (int32_t)north : last;

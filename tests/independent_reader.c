@@ -6,8 +6,9 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <zlib.h>
 #include <zstd.h>
+
+#include "tests/independent_sum.h"
 
 static void *allocate(size_t size)
 {
@@ -24,7 +25,7 @@ static double cells_around(const struct reader *reader, int level, int shift)
     return ldexp(360.0 * reader->posts_per_degree, -(level + shift));
 }
 
-int reader_lon_shift(const struct reader *reader, int level, int row)
+static int find_lon_shift(const struct reader *reader, int level, int row)
 {
     if (cells_around(reader, level, 0) <= 128.0)
         return 0;
@@ -36,6 +37,22 @@ int reader_lon_shift(const struct reader *reader, int level, int row)
     while (shift <= parent && ldexp(1.0, shift + 1 + reader->lon_bias) <= shortness)
         shift++;
     return shift;
+}
+
+/* The last row of each level is remembered: it is asked for again and again. */
+int reader_lon_shift(const struct reader *reader, int level, int row)
+{
+    static struct memo {
+        double posts_per_degree;
+        int lon_bias, row, shift;
+    } last[64];
+    struct memo *memo = &last[level + 32];
+    if (memo->posts_per_degree != reader->posts_per_degree || memo->lon_bias != reader->lon_bias ||
+        memo->row != row) {
+        int shift = find_lon_shift(reader, level, row);
+        *memo = (struct memo){reader->posts_per_degree, reader->lon_bias, row, shift};
+    }
+    return memo->shift;
 }
 
 int64_t reader_last_col(const struct reader *reader, int level, int shift)
@@ -57,29 +74,23 @@ double reader_col_lon_deg(const struct reader *reader, int level, int shift, int
     return -180.0 + (cells + reader->lon_phase) / reader->posts_per_degree;
 }
 
+bool reader_is_true_post(const struct reader *reader, int level, int row, int col, int r, int c)
+{
+    int64_t last_col = reader_last_col(reader, level, reader_lon_shift(reader, level, row));
+    int64_t post = 128 * (int64_t)row + r;
+    bool beyond = post > 0 ? reader_row_lat_deg(reader, level, post - 1) >= 90.0
+                           : reader_row_lat_deg(reader, level, post + 1) <= -90.0;
+    return !beyond && 128 * (int64_t)col + c <= last_col;
+}
+
+bool reader_counts_post(const struct reader *reader, int level, int row, int col, int r, int c)
+{
+    int64_t last_col = reader_last_col(reader, level, reader_lon_shift(reader, level, row));
+    return reader_is_true_post(reader, level, row, col, r, c) && r < 128 && c < 128 &&
+           128 * (int64_t)col + c < last_col;
+}
+
 /* Checksums */
-
-static void sum(uint32_t *crc, const void *bytes, size_t size)
-{
-    *crc = (uint32_t)crc32(*crc, bytes, (unsigned)size);
-}
-
-static void sum_number(uint32_t *crc, uint64_t value, int size)
-{
-    uint8_t bytes[8];
-    for (int i = 0; i < size; i++)
-        bytes[i] = (uint8_t)(value >> 8 * i);
-    sum(crc, bytes, (size_t)size);
-}
-
-static void sum_float(uint32_t *crc, double value)
-{
-    float single = (float)value;
-    uint32_t bits = 0x7fc00000;
-    if (!isnan(value))
-        memcpy(&bits, &single, sizeof(bits));
-    sum_number(crc, bits, 4);
-}
 
 /* "a||'|'||b..." of all columns of `sources`. */
 static void joined_columns(sqlite3 *db, char *ret_sql, size_t size)
@@ -149,6 +160,8 @@ static const char *read_metadata(struct reader *reader, sqlite3 *db)
     reader->top_level = (int)metadata_number(db, "top_level");
     reader->stated_tiles = (long long)metadata_number(db, "tiles");
     reader->sources = (long long)query_number(db, "SELECT max(id) FROM sources");
+    reader->upper_source =
+        (int)query_number(db, "SELECT id FROM sources ORDER BY priority DESC, id DESC LIMIT 1");
     metadata(db, "checksum", reader->checksum, sizeof(reader->checksum));
     char sql[2000];
     uint32_t crc = 0;
@@ -161,13 +174,13 @@ static const char *read_metadata(struct reader *reader, sqlite3 *db)
 
 /* Tiles */
 
-static void split_key(struct reader_tile *tile)
+void reader_split_key(int64_t key, int *ret_level, int *ret_row, int *ret_col)
 {
-    int64_t low = tile->key & 63, c8 = tile->key >> 6 & ((1 << 21) - 1);
-    int64_t r8 = tile->key >> 27 & ((1 << 21) - 1);
-    tile->level = (int)(tile->key >> 48);
-    tile->row = (int)(r8 * 8 + low / 8 - (1 << 23));
-    tile->col = (int)(c8 * 8 + low % 8);
+    int64_t low = key & 63, c8 = key >> 6 & ((1 << 21) - 1);
+    int64_t r8 = key >> 27 & ((1 << 21) - 1);
+    *ret_level = (int)(key >> 48);
+    *ret_row = (int)(r8 * 8 + low / 8 - (1 << 23));
+    *ret_col = (int)(c8 * 8 + low % 8);
 }
 
 struct reader_tile *reader_find(const struct reader *reader, int level, int row, int col)
@@ -198,12 +211,12 @@ static const char *read_origins(struct reader_tile *tile, const uint8_t *bytes, 
     return complete ? NULL : "an origin is not 129 x 129 numbers";
 }
 
-static float height_of(const struct reader *reader, int32_t symbol)
+float reader_height_m(double step_m, int32_t symbol)
 {
     if (symbol == READER_NO_DATA)
         return NAN;
-    if (reader->step_m > 0.0)
-        return (float)(symbol * reader->step_m);
+    if (step_m > 0.0)
+        return (float)(symbol * step_m);
     uint32_t bits = symbol >= 0 ? (uint32_t)symbol : 0x80000000u + (uint32_t)-symbol;
     float height_m;
     memcpy(&height_m, &bits, sizeof(height_m));
@@ -240,7 +253,7 @@ static const char *read_tile(struct reader *reader, sqlite3_stmt *row)
 {
     struct reader_tile *tile = allocate(sizeof(*tile));
     tile->key = sqlite3_column_int64(row, 0);
-    split_key(tile);
+    reader_split_key(tile->key, &tile->level, &tile->row, &tile->col);
     tile->min_m = number_or_nan(row, 1);
     tile->max_m = number_or_nan(row, 2);
     tile->error_mm = (uint32_t)sqlite3_column_int64(row, 3);
@@ -274,7 +287,7 @@ static const char *read_tile(struct reader *reader, sqlite3_stmt *row)
     const char *fault = reader_decode_payload(
         payload, tile->size, tile->parent ? tile->parent->symbols : NULL, half, tile->symbols);
     for (int i = 0; i < READER_COUNT; i++)
-        tile->heights_m[i] = height_of(reader, tile->symbols[i]);
+        tile->heights_m[i] = reader_height_m(reader->step_m, tile->symbols[i]);
     return fault ? fault : read_origins(tile, origin, origin_size);
 }
 

@@ -43,6 +43,7 @@ struct reader {
     long long stated_tiles;
     char checksum[16], computed_checksum[16];
     long long sources; /* the largest id */
+    int upper_source;  /* the one that lies over the others */
     int tile_count;
     struct reader_tile **tiles; /* coarse ones first */
 };
@@ -62,3 +63,11 @@ double reader_row_lat_deg(const struct reader *reader, int level, int64_t row);
 double reader_col_lon_deg(const struct reader *reader, int level, int shift, int64_t col);
 /* The number of the last column, which lies where column 0 does. */
 int64_t reader_last_col(const struct reader *reader, int level, int shift);
+/* Of a symbol; NaN where it is none. `step_m` 0: lossless. */
+float reader_height_m(double step_m, int32_t symbol);
+/* Whether post (r, c) of a tile is on the globe and repeats no other; and whether `posts` counts
+ * it. */
+bool reader_is_true_post(const struct reader *reader, int level, int row, int col, int r, int c);
+bool reader_counts_post(const struct reader *reader, int level, int row, int col, int r, int c);
+/* What a key names. */
+void reader_split_key(int64_t key, int *ret_level, int *ret_row, int *ret_col);

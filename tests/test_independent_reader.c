@@ -37,26 +37,6 @@ static void check_heights(struct tile_cache *cache, const struct reader_tile *ti
         CHECK_FAIL("%s: %d heights differ", name_of(tile), wrong);
 }
 
-/* Rows and columns of a tile that are true posts: the rest repeats. */
-static bool is_true_post(const struct reader_tile *tile, int r, int c)
-{
-    int64_t last_col =
-        reader_last_col(&reader, tile->level, reader_lon_shift(&reader, tile->level, tile->row));
-    int64_t row = 128 * (int64_t)tile->row + r;
-    bool beyond = row > 0 ? reader_row_lat_deg(&reader, tile->level, row - 1) >= 90.0
-                          : reader_row_lat_deg(&reader, tile->level, row + 1) <= -90.0;
-    return !beyond && 128 * (int64_t)tile->col + c <= last_col;
-}
-
-static bool is_counted(const struct reader_tile *tile, int r, int c)
-{
-    int64_t last_col =
-        reader_last_col(&reader, tile->level, reader_lon_shift(&reader, tile->level, tile->row));
-    bool pole = reader_row_lat_deg(&reader, tile->level, 128 * (int64_t)tile->row + r) >= 90.0;
-    return is_true_post(tile, r, c) && (r < 128 || pole) && c < 128 &&
-           128 * (int64_t)tile->col + c < last_col;
-}
-
 static void check_measures(const struct reader_tile *tile)
 {
     float min_m = INFINITY, max_m = -INFINITY;
@@ -66,7 +46,8 @@ static void check_measures(const struct reader_tile *tile)
             continue;
         min_m = fminf(min_m, tile->heights_m[i]);
         max_m = fmaxf(max_m, tile->heights_m[i]);
-        posts += is_counted(tile, i / READER_POSTS, i % READER_POSTS);
+        posts += reader_counts_post(&reader, tile->level, tile->row, tile->col, i / READER_POSTS,
+                                    i % READER_POSTS);
     }
     bool right = min_m <= max_m ? (float)tile->min_m == min_m && (float)tile->max_m == max_m
                                 : isnan(tile->min_m) && isnan(tile->max_m);
@@ -133,7 +114,8 @@ static void check_errors(const struct reader_tile *tile)
         double worst_m = 0.0, stated_m = above->error_mm / 1000.0 - reader.max_error_m;
         for (int i = 0; i < READER_COUNT; i++) {
             int r = i / READER_POSTS, c = i % READER_POSTS;
-            if (isnan(tile->heights_m[i]) || !is_true_post(tile, r, c))
+            if (isnan(tile->heights_m[i]) ||
+                !reader_is_true_post(&reader, tile->level, tile->row, tile->col, r, c))
                 continue;
             double coarse_m = surface_m(
                 above, reader_row_lat_deg(&reader, tile->level, 128 * (int64_t)tile->row + r),
@@ -330,6 +312,102 @@ static void test_raw(void)
                                 found) != NULL);
 }
 
+/* Two surveys, the upper one with two holes, of which the lower one has data in the western. Their
+ * pixels are posts: x east of 10 E, y south of 46 N. */
+#define FEATHER 16
+
+static bool is_in_hole(int x, int y, int hole_x)
+{
+    return abs(x - hole_x) <= 12 && abs(y - 168) <= 12;
+}
+
+static bool upper_has(int x, int y)
+{
+    return x >= 0 && x <= 400 && y >= 0 && y <= 340 && !is_in_hole(x, y, 120) &&
+           !is_in_hole(x, y, 288);
+}
+
+static bool lower_has(int x, int y)
+{
+    return x >= -240 && x <= 720 && y >= -240 && y <= 480 && !is_in_hole(x, y, 288);
+}
+
+static double upper_m(double lon, double lat)
+{
+    int x = (int)nearbyint((lon - 10.0) * 240.0), y = (int)nearbyint((46.0 - lat) * 240.0);
+    return upper_has(x, y) ? 120.0 : -9999.0;
+}
+
+static double lower_m(double lon, double lat)
+{
+    int x = (int)nearbyint((lon - 10.0) * 240.0), y = (int)nearbyint((46.0 - lat) * 240.0);
+    return lower_has(x, y) ? 100.0 : -9999.0;
+}
+
+/* Pixels from one of the upper survey's to the nearest where only the lower one goes on. */
+static double to_seam(int x, int y)
+{
+    double nearest = FEATHER;
+    for (int i = y - FEATHER; i <= y + FEATHER; i++)
+        for (int j = x - FEATHER; j <= x + FEATHER; j++)
+            if (!upper_has(j, i) && lower_has(j, i))
+                nearest = fmin(nearest, hypot(j - x, i - y));
+    return nearest;
+}
+
+/* What the text says of a post's origin, and of its height. */
+static bool is_as_imported(int x, int y, float height_m, uint16_t origin, int upper, int lower)
+{
+    if (!upper_has(x, y) && !lower_has(x, y))
+        return is_in_hole(x, y, 288) ? origin == 0x8000 : origin == 0 && isnan(height_m);
+    if (!upper_has(x, y))
+        return origin == lower && height_m == 100.0f;
+    double d = to_seam(x, y);
+    double expected_m = 120.0 - 20.0 * (1.0 - d / FEATHER);
+    return origin == (d < FEATHER ? upper | 0x8000 : upper) &&
+           fabs((double)height_m - expected_m) <= reader.max_error_m;
+}
+
+static void check_feathered(const struct reader_tile *tile, int upper, int lower)
+{
+    int wrong = 0;
+    for (int i = 0; tile->origins && i < READER_COUNT; i++) {
+        int64_t row = 128 * (int64_t)tile->row + i / READER_POSTS;
+        int64_t col = 128 * (int64_t)tile->col + i % READER_POSTS;
+        double lat = reader_row_lat_deg(&reader, tile->level, row);
+        double lon = reader_col_lon_deg(&reader, tile->level, 0, col);
+        wrong += !is_as_imported((int)nearbyint((lon - 10.0) * 240.0),
+                                 (int)nearbyint((46.0 - lat) * 240.0), tile->heights_m[i],
+                                 tile->origins[i], upper, lower);
+    }
+    if (wrong)
+        CHECK_FAIL("%s: %d posts are not of the origin that they name", name_of(tile), wrong);
+}
+
+static void test_feathered(void)
+{
+    struct made upper = ten_east, lower = ten_east;
+    upper.width = 401, upper.height = 341;
+    lower.width = 961, lower.height = 721, lower.west -= 1.0, lower.north += 1.0;
+    make_raster(in("upper.tif"), &upper, upper_m);
+    make_raster(in("lower.tif"), &lower, lower_m);
+    FILE *list = fopen(in("list.txt"), "w");
+    CHECK(list && fprintf(list, "%s priority=1\n%s\n", in("upper.tif"), in("lower.tif")) > 0 &&
+          fclose(list) == 0);
+    check_run(run("--sources '%s' -o '%s' -q --max-error 0.25 --feather %d", in("list.txt"),
+                  in("feathered.db"), FEATHER),
+              0);
+    check_database(in("feathered.db"));
+    const char *fault = reader_open(&reader, in("feathered.db"));
+    if (fault || reader.sources != 2)
+        CHECK_FAIL("%s, %lld sources", fault ? fault : "read", reader.sources);
+    else
+        for (int i = 0; i < reader.tile_count; i++)
+            if (reader.tiles[i]->children == 0)
+                check_feathered(reader.tiles[i], reader.upper_source, 3 - reader.upper_source);
+    reader_finish(&reader);
+}
+
 static void test_iceland(void)
 {
     check_run(run("'%s/data/terrain/iceland-reykjanes-3s.tif' -o '%s' -q", getenv("OTWD_SHARED"),
@@ -349,6 +427,7 @@ int main(void)
         {"level ground and lonely posts", test_points},
         {"noise without loss", test_noise},
         {"symbols that are stored raw", test_raw},
+        {"feathered seams, and voids that were filled", test_feathered},
         {"a real raster of Iceland", test_iceland},
     };
     char path[600];

@@ -42,9 +42,19 @@ write_grid change.asc 40 30 8.05 46.45 0.0001 '(i > 2 && i < 27 && j > 2 && j < 
 "$OTWD" dig dug.db raster change.asc --crs EPSG:4326 --scale 2 -q || fail "raster"
 height 46.4515 8.052 1003
 "$OTWD" dig dug.db --list >list.txt || fail "list"
-[ "$(cut -d' ' -f1,2 list.txt | tr '\n' ' ')" = "1 crater 2 berm 3 flatten 4 raster " ] ||
-    fail "list: $(cat list.txt)"
-"$OTWD" dig dug.db --list --json | grep -q '"kind": "raster"' || fail "list --json"
+listed() {
+    grep -qx " *$1" list.txt || fail "list has no \"$1\": $(cat list.txt)"
+}
+listed "1  crater  *46.5000000  *8.0000000  radius 40 m, rim 20 m wide  *12 m deep, rim 1.2 m high"
+listed "2  berm  *46.51000[0-9]*  *8.0050000  767.5 m by 2 points, crest 4 m, slope 0.5  *+5 m"
+listed "3  flatten  *46.5200000  *8.0200000  1500 x 40 m, heading 90, blend 30 m  *to 1100 .. 1120 m"
+listed "4  raster  *46.4515000  *8.0520000  28 x 31 posts of 11.1 m  *-0.[0-9]* .. +3.[0-9]* m"
+"$OTWD" dig dug.db --list --json >list.json || fail "list --json"
+for part in "\"kind\": \"raster\"" "\"radius_m\": 40.0" "\"depth_m\": 12.0" "\"rim_width_m\": 20.0" \
+    "\"height_m\": 5.0" "\"side_slope\": 0.5" "\"lat_deg\": 46.51" "\"heading_deg\": 90.0" \
+    "\"end_height_m\": 1120.0" "\"columns\": 28" "\"highest_m\": 3"; do
+    grep -q "$part" list.json || fail "list --json has no $part"
+done
 "$OTWD" info dug.db | grep -q '^dug .*4 stamps' || fail "info does not tell of it"
 "$OTWD" verify -q dug.db || fail "verify"
 [ ! -e dug.db-wal ] || fail "a journal is left beside the database"
