@@ -108,13 +108,12 @@ static int scan_sources(struct import_job *job, bool read, struct diag *diag)
 
 static int check_geoids(const struct import_job *job, struct diag *diag)
 {
-    char path[2 * DATABASE_NAME_MAX];
+    struct import_datum datum = {.egm96 = NULL};
+    struct geoid_grid *grid;
     int r = 0;
-    for (size_t i = 0; r == 0 && i < job->params->input_count; i++) {
-        const struct import_options *options = &job->params->inputs[i].options;
-        if (options->vertical == IMPORT_EGM2008 || options->vertical == IMPORT_EGM84)
-            r = import_find_geoid(options, path, sizeof(path), diag);
-    }
+    for (size_t i = 0; r == 0 && i < job->params->input_count; i++)
+        r = import_datum_open(&datum, &job->params->inputs[i].options, &grid, diag);
+    import_datum_finish(&datum);
     return r;
 }
 

@@ -8,8 +8,8 @@
  * was one, from the old database: in one step, so that there is always a whole one.
  *
  * A file that is there already, unchanged and read with the same options, is skipped. Read with
- * others (vertical, crs, nodata, priority) it replaces what it gave before; what had been covered
- * by that is not known any more.
+ * others (vertical, geoid, crs, nodata, priority) it replaces what it gave before; what had been
+ * covered by that is not known any more.
  */
 #pragma once
 
@@ -45,7 +45,7 @@ typedef void (*import_beyond_function)(void *user, const char *source,
 /* How a source is read. */
 struct import_options {
     enum import_vertical vertical;
-    const char *geoid_path; /* for EGM2008 and EGM84: PGM of GeographicLib; NULL: one it finds */
+    const char *geoid_path; /* for EGM2008 and EGM84 (terrain/import_geoid.h); NULL: one is found */
     const char *crs;        /* for rasters without a usable one; NULL */
     bool has_nodata;
     double nodata;

@@ -4,6 +4,7 @@
 #include "geo/geographic.h"
 #include "terrain/database_writer.h"
 #include "terrain/import.h"
+#include "terrain/import_geoid.h"
 #include "terrain/import_raster.h"
 #include "terrain/pyramid.h"
 
@@ -75,14 +76,15 @@ struct import_datum {
     struct geoid *egm96;
     struct import_geoid {
         char path[2 * DATABASE_NAME_MAX];
-        struct geoid *geoid;
+        struct geoid_grid *grid;
     } geoids[IMPORT_GEOIDS_MAX];
 };
 
-/* The grid of a source's geoid, of EGM2008 or EGM84: the option's, or one that GeographicLib would
- * find. -EINVAL where there is none, with where to get it. */
-int import_find_geoid(const struct import_options *options, char *ret_path, size_t size,
-                      struct diag *diag);
+/* Opens the grid of a source's geoid, where it is EGM2008 or EGM84 (else *ret_grid is NULL): the
+ * option's, or the finest one in the folders where GeographicLib and PROJ look. -EINVAL where there
+ * is none, with where to get it. The datum owns it. */
+int import_datum_open(struct import_datum *datum, const struct import_options *options,
+                      struct geoid_grid **ret_grid, struct diag *diag);
 
 /* Brings heights on a lattice to EGM96: an ellipsoidal height loses the undulation; one above
  * another geoid first becomes ellipsoidal. */

@@ -278,20 +278,22 @@ static int extent_projected(struct raster *raster, struct diag *diag)
     return 0;
 }
 
-static int open_dataset(struct raster *raster, struct diag *diag)
+int raster_open_dataset(const char *path, GDALDatasetH *ret_dataset, struct diag *diag)
 {
     VSIStatBufL status;
     CPLErrorReset();
-    raster->dataset = GDALOpenEx(raster->path, GDAL_OF_RASTER | GDAL_OF_READONLY, NULL, NULL, NULL);
-    if (raster->dataset)
+    GDALDatasetH dataset = GDALOpenEx(path, GDAL_OF_RASTER | GDAL_OF_READONLY, NULL, NULL, NULL);
+    if (dataset) {
+        *ret_dataset = dataset;
         return 0;
+    }
     char reason[256];
     snprintf(reason, sizeof(reason), "%s", CPLGetLastErrorMsg());
-    if (VSIStatL(raster->path, &status) != 0)
-        return diag_set(diag, -ENOENT, "%s: No such file or directory", raster->path);
+    if (VSIStatL(path, &status) != 0)
+        return diag_set(diag, -ENOENT, "%s: No such file or directory", path);
     if (status.st_size == 0)
-        return diag_set(diag, -EBADMSG, "%s is empty", raster->path);
-    return diag_set(diag, -EBADMSG, "%s cannot be read as a raster (%s)", raster->path,
+        return diag_set(diag, -EBADMSG, "%s is empty", path);
+    return diag_set(diag, -EBADMSG, "%s cannot be read as a raster (%s)", path,
                     reason[0] ? reason : "unknown format");
 }
 
@@ -304,7 +306,8 @@ int raster_open(const char *path, const struct raster_options *options, struct r
     snprintf(raster->path, sizeof(raster->path), "%s", path);
     raster->lon = malloc(RASTER_CHUNK * sizeof(double));
     raster->lat = malloc(RASTER_CHUNK * sizeof(double));
-    int r = raster->lon && raster->lat ? open_dataset(raster, diag) : -ENOMEM;
+    int r = raster->lon && raster->lat ? raster_open_dataset(raster->path, &raster->dataset, diag)
+                                       : -ENOMEM;
     if (r == 0)
         r = check_bands(raster, options->image, diag);
     if (r == 0) {

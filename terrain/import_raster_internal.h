@@ -1,4 +1,5 @@
-/* An open raster, shared by the files that open, sample and measure it; not for others. */
+/* An open raster, shared by the files that open, sample and measure it; of the import's others the
+ * geoid's grid opens and interpolates alike. */
 #pragma once
 
 #include <gdal.h>
@@ -71,6 +72,13 @@ int raster_mask_line(struct raster *raster, int64_t x, int64_t y, int stride, in
 
 /* Positions in pixels become longitudes and latitudes; NaN where there is no such place. */
 void raster_pixel_places(struct raster *raster, int count, double *x, double *y);
+
+/* Opens a file for GDAL. -ENOENT, -EBADMSG. */
+int raster_open_dataset(const char *path, GDALDatasetH *ret_dataset, struct diag *diag);
+
+/* Weights of the pixels -1, 0, 1, 2 around a place between 0 and 1: R. Keys, "Cubic convolution
+ * interpolation for digital image processing", IEEE ASSP 29 (1981), equation (15). */
+void raster_cubic_weights(double f, double ret_weights[4]);
 
 /* How many pixels around a position count. */
 int raster_kernel_reach(struct raster_spread spread);

@@ -22,9 +22,7 @@ static inline float pixel_at(const struct raster *raster, const struct raster_wi
         ->pixels[(size_t)(y - window->y) * (size_t)window->width + (size_t)(x - window->x)];
 }
 
-/* Weights of the pixels -1, 0, 1, 2 around a place between 0 and 1: R. Keys, "Cubic convolution
- * interpolation for digital image processing", IEEE ASSP 29 (1981), equation (15). */
-static void cubic_weights(double f, double ret_weights[4])
+void raster_cubic_weights(double f, double ret_weights[4])
 {
     ret_weights[0] = ((-0.5 * f + 1.0) * f - 0.5) * f;
     ret_weights[1] = (1.5 * f - 2.5) * f * f + 1.0;
@@ -54,8 +52,8 @@ static double interpolated(const struct raster *raster, const struct raster_wind
 {
     int column = (int)floor(x), line = (int)floor(y);
     double fx = x - column, fy = y - line, wx[4], wy[4];
-    cubic_weights(fx, wx);
-    cubic_weights(fy, wy);
+    raster_cubic_weights(fx, wx);
+    raster_cubic_weights(fy, wy);
     double value = weighted(raster, window, column, line, wx, wy);
     if (!isnan(value))
         return value;

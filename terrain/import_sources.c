@@ -8,13 +8,17 @@
 #include "terrain/import_internal.h"
 
 /* The options that change what is read from a file; none adds nothing. A system of coordinates may
- * be a page of text: its sum stands for it. */
+ * be a page of text, a path is long: their sums stand for them. */
 static void add_options_to_key(const struct import_options *options, char *key, size_t size)
 {
     size_t used = strlen(key);
     if (options->crs) {
         uLong sum = crc32(0, (const Bytef *)options->crs, (uInt)strlen(options->crs));
         used += (size_t)snprintf(key + used, size - used, " crs=%08lx", sum);
+    }
+    if (options->geoid_path) {
+        uLong sum = crc32(0, (const Bytef *)options->geoid_path, (uInt)strlen(options->geoid_path));
+        used += (size_t)snprintf(key + used, size - used, " geoid=%08lx", sum);
     }
     if (options->has_nodata)
         used += (size_t)snprintf(key + used, size - used, " nodata=%.17g", options->nodata);

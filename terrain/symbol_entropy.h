@@ -170,9 +170,11 @@ static inline int entropy_find(struct entropy_pair pair, uint32_t slot)
     uint32_t high = (uint32_t)_mm_movemask_epi8(_mm_packs_epi16(after[2], after[3]));
     return 31 - __builtin_clz(~(low | high << 16));
 #else
-    int symbol = 0;
-    for (int step = ENTROPY_SYMBOLS / 2; step > 0; step /= 2)
-        symbol += entropy_begin(pair, symbol + step) <= slot ? step : 0;
+    int16_t symbol = -1;
+    for (int i = 0; i < ENTROPY_SYMBOLS; i++) { /* of all, so that the vectoriser can do it */
+        uint16_t begin = (uint16_t)(pair.slow->begin[i] + pair.fast->begin[i] + 1) >> 1;
+        symbol += (int16_t)begin <= (int16_t)slot;
+    }
     return symbol;
 #endif
 }

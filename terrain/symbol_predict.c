@@ -2,9 +2,12 @@
 
 #include <string.h>
 
-/* Eight posts at a time, anywhere; unsigned, because what lies beyond a row's end may overflow. */
-typedef uint32_t lanes __attribute__((vector_size(32), aligned(4), may_alias));
-typedef int32_t signed_lanes __attribute__((vector_size(32)));
+/* Four posts at a time, anywhere; unsigned, because what lies beyond a row's end may overflow.
+ * Wider ones are no faster where there is AVX2, and gcc takes them apart through memory where not.
+ */
+typedef uint32_t lanes __attribute__((vector_size(16), aligned(4), may_alias));
+typedef int32_t signed_lanes __attribute__((vector_size(16)));
+#define BLOCK_LANES (PREDICT_BLOCK / 4)
 
 #define LOAD(from) (*(const lanes *)(const void *)(from))
 
@@ -23,17 +26,12 @@ static inline __attribute__((always_inline)) void add_form(const int32_t *const 
 static inline __attribute__((always_inline)) void
 add_taps(const int32_t *const *taps, const int16_t *weights, int count, int at, lanes *sums)
 {
-    lanes first = sums[0], second = sums[1], third = sums[2];
-    for (int t = 1; t < count; t++) {
-        const int32_t *from = taps[t] + at;
-        uint32_t weight = (uint32_t)(int32_t)weights[t];
-        first += weight * LOAD(from);
-        second += weight * LOAD(from + 8);
-        third += weight * LOAD(from + 16);
-    }
-    sums[0] = first;
-    sums[1] = second;
-    sums[2] = third;
+    lanes sum[BLOCK_LANES]; /* in registers */
+    memcpy(sum, sums, sizeof(sum));
+    for (int t = 1; t < count; t++)
+        for (int i = 0; i < BLOCK_LANES; i++)
+            sum[i] += (uint32_t)(int32_t)weights[t] * LOAD(taps[t] + at + 4 * i);
+    memcpy(sums, sum, sizeof(sum));
 }
 
 static void find_taps(const int32_t (*planes)[PLANE_SIZE], const struct tap *taps, int count,
@@ -50,7 +48,7 @@ CLONES void symbol_predict_row(const struct symbol_grid *grid, enum phase phase,
     const int32_t *taps[TAPS_MAX];
     find_taps(grid->value, shape->taps, shape->tap_count, row, taps);
     for (int at = 0; at < plane_cols(grid, shape->plane); at += PREDICT_BLOCK) {
-        lanes sums[3] = {0};
+        lanes sums[BLOCK_LANES] = {0};
         add_taps(taps, predictor_weights[set][phase], shape->tap_count, at, sums);
         memcpy(ret->values + at, sums, sizeof(sums));
     }
@@ -65,10 +63,10 @@ CLONES void symbol_activity_row(const struct symbol_grid *grid, enum phase phase
         find_taps(grid->value, shape->forms[f], 4, row, forms[f]);
     find_taps(grid->error, shape->errors, shape->error_count, row, errors);
     for (int at = 0; at < plane_cols(grid, shape->plane); at += PREDICT_BLOCK) {
-        lanes sums[3] = {0};
+        lanes sums[BLOCK_LANES] = {0};
         for (int f = 0; f < shape->form_count; f++)
-            for (int i = 0; i < 3; i++)
-                add_form(forms[f], (uint32_t)form_weights[phase][f], at + 8 * i, &sums[i]);
+            for (int i = 0; i < BLOCK_LANES; i++)
+                add_form(forms[f], (uint32_t)form_weights[phase][f], at + 4 * i, &sums[i]);
         memcpy(ret->forms + at, sums, sizeof(sums));
         add_taps(errors, error_weights[phase], shape->error_count, at, sums);
         memcpy(ret->activities + at, sums, sizeof(sums));
