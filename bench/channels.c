@@ -5,8 +5,8 @@
  * Usage: bench_channels DB [CHANNELS]
  *
  * A flight of 250 m/s northwards through the middle of the database, 600 wishes of 30 a second;
- * every wish is waited for by all channels. The windows are those of a GPU (255 posts, 14 levels,
- * level 0 at about a metre); 64 MiB of tiles. */
+ * every wish is waited for by all channels. The levels are those of a GPU (128
+ * posts in radius, level 0 at about a metre); 64 MiB of tiles. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -49,10 +49,7 @@ static struct clipmap_shape shape_over(struct terrain_source *source)
 {
     struct terrain_facts facts;
     source->ops->facts(source, &facts);
-    struct clipmap_shape shape = {.n = 255, .levels = 14, .step_deg = facts.finest_lat_step_deg};
-    while (shape.step_deg * 111195.0 > 1.6)
-        shape.step_deg *= 0.5;
-    return shape;
+    return clipmap_shape(128, 8, facts.finest_lat_step_deg);
 }
 
 static void start(struct channels *channels, const char *path, bool share,
@@ -86,7 +83,8 @@ static void fly(struct channels *channels)
     double lon_deg = 0.5 * (facts.west_deg + facts.east_deg);
     for (int wish = 0; wish < WISHES; wish++) {
         for (unsigned i = 0; i < channels->count; i++)
-            loader_wish(channels->loaders[i], lat_deg + wish * WISH_DEG, lon_deg, 0, true);
+            loader_wish(channels->loaders[i],
+                        &(struct geodetic){lat_deg + wish * WISH_DEG, lon_deg, 0.0}, 0, true);
         for (unsigned i = 0; i < channels->count; i++) {
             struct loader_update *update;
             loader_wait(channels->loaders[i]);

@@ -17,76 +17,74 @@
  * and full of holes in Mesa's software rasterisers (docs/performance.md). Draws of a third of that
  * are handed over one by one: one is rasterised while the next is tessellated. */
 #define SOFTWARE_VERTICES 24576
-#define BUFFERED_FRAMES   4
-#define UPLOAD_GROUP      64   /* texels of a work group of upload.comp */
+#define BLOCKS_A_LEVEL    512  /* that may be drawn, about */
+#define UPLOAD_GROUP      64   /* texels of a work group of upload.comp, blocks of bounds.comp */
 #define UPLOAD_GROUPS_X   1024 /* work groups side by side */
-#define BOUNDS_MARGIN_M   0.5f
+#define UPLOAD_RECTS      (3 * LOADER_MAX_STRIPS)
+#define SELECT_GROUP      8 /* entries a side of a work group of select.comp */
 
+/* The uniform block is bound by the renderer; these are select.comp's storage blocks. */
+enum { STORAGE_SPLITS, STORAGE_DRAWS, STORAGE_BLOCKS };
+
+/* As select.comp writes them. */
 struct block_vertex {
-    int16_t block[4];
-    int16_t level[2];
-    float bounds[2];
+    int32_t col, row, level_and_pane, doubled;
 };
 
-struct draw_range {
-    GLint first;
-    GLsizei count;
+struct draw_command {
+    GLuint vertices, instances, first, base_instance;
+};
+
+struct draw_list {
+    GLuint count, unused[3];
+    struct draw_command draws[];
 };
 
 /* As upload.comp has it: one rectangle of one texture. */
 struct upload_rect {
     GLint col0, row0, cols, texels;
-    GLint word;  /* of the arena, where its texels begin */
-    GLint layer; /* 2 * level, + 1 for the surfaces */
+    GLint word;  /* of the arena, where its texels begin; of bounds: the layer */
+    GLint layer; /* 2 * layer, + 1 for the surfaces */
     GLint mask;  /* side of the texture - 1 */
     GLint first_group;
 };
 
-/* What to copy from an arena. */
+/* What to copy from an arena, then the blocks that this changes. */
 struct upload_block {
-    struct upload_rect rects[2 * LOADER_MAX_STRIPS];
+    struct upload_rect rects[UPLOAD_RECTS];
 };
-static_assert(sizeof(struct upload_block) == 120 * 32, "as in upload.comp");
+static_assert(sizeof(struct upload_block) == 360 * 32, "as in upload.comp and bounds.comp");
 
 /* What the next frame has to copy from an arena. */
 struct upload {
     int slot;
-    unsigned rects, groups;
+    unsigned rects, groups;      /* of texels */
+    unsigned ends, block_groups; /* of rectangles of blocks, which follow the others */
 };
 
 struct clipmap_pass {
     struct clipmap_shape shape;
     bool software;
-    int instances;
-    GLuint program, upload_program, vertex_array, heights, surfaces, ground;
-    struct mapped_buffer vertices;      /* BUFFERED_FRAMES parts */
-    unsigned part;                      /* of the vertices: prepared last */
+    GLuint program, upload_program, bounds_program, split_program, list_program;
+    GLuint vertex_array, heights, surfaces, bounds, ground;
+    GLuint splits, draws, blocks; /* buffers that the GPU alone uses */
+    unsigned draw_count, blocks_a_draw;
     struct mapped_buffer arenas;        /* LOADER_UPDATES parts, which the loader writes */
     struct mapped_buffer upload_blocks; /* a part for each arena */
     struct upload uploads[LOADER_UPDATES];
     unsigned upload_count;
-
-    bool has_layout;
-    struct clipmap_layout layout;
-    int finest;                   /* filled by the last update */
-    struct loader_bounds *bounds; /* [levels][squares][squares] */
+    bool has_levels;
+    struct loader_level levels[CLIPMAP_MAX_LEVELS]; /* of the last update */
     uint64_t uploaded;
-
-    /* The block list, made anew when the layout or the first level changes. */
-    bool blocks_stale;
-    int listed_finest;
-    unsigned block_count, range_count;
-    uint64_t triangles;
-    struct block_vertex blocks[CLIPMAP_MAX_LEVELS * CLIPMAP_MAX_BLOCKS];
-    struct draw_range ranges[CLIPMAP_MAX_LEVELS * CLIPMAP_MAX_BLOCKS];
 };
 
+/* A layer a pane. */
 static GLuint create_array(const struct clipmap_shape *shape, GLint side, GLenum format,
                            GLint filter)
 {
     GLuint texture;
     glCreateTextures(GL_TEXTURE_2D_ARRAY, 1, &texture);
-    glTextureStorage3D(texture, 1, format, side, side, shape->levels);
+    glTextureStorage3D(texture, 1, format, side, side, shape->levels * CLIPMAP_PANES);
     glTextureParameteri(texture, GL_TEXTURE_MIN_FILTER, filter);
     glTextureParameteri(texture, GL_TEXTURE_MAG_FILTER, filter);
     glTextureParameteri(texture, GL_TEXTURE_WRAP_S, GL_REPEAT);
@@ -95,15 +93,41 @@ static GLuint create_array(const struct clipmap_shape *shape, GLint side, GLenum
     return texture;
 }
 
+static GLuint create_buffer(size_t bytes, const void *contents)
+{
+    GLuint buffer;
+    glCreateBuffers(1, &buffer);
+    glNamedBufferStorage(buffer, (GLsizeiptr)bytes, contents, 0);
+    return buffer;
+}
+
+/* Every draw takes so many blocks from where the one before ends. */
+static int create_draws(struct clipmap_pass *pass)
+{
+    size_t bytes = sizeof(struct draw_list) + pass->draw_count * sizeof(struct draw_command);
+    struct draw_list *list = calloc(1, bytes);
+    if (!list)
+        return -ENOMEM;
+    for (unsigned i = 0; i < pass->draw_count; i++)
+        list->draws[i] = (struct draw_command){.instances = 1, .first = i * pass->blocks_a_draw};
+    pass->draws = create_buffer(bytes, list);
+    free(list);
+    return 0;
+}
+
 static int create_buffers(struct clipmap_pass *pass, struct diag *diag)
 {
-    size_t arena = loader_arena_bytes(&pass->shape);
-    int r = mapped_buffer_create(&pass->arenas, arena, LOADER_UPDATES, true);
+    size_t arena = loader_arena_bytes(&pass->shape), table = (size_t)clipmap_table(&pass->shape);
+    size_t panes = (size_t)pass->shape.levels * CLIPMAP_PANES;
+    pass->splits = create_buffer(panes * table * table * sizeof(GLuint), NULL);
+    pass->blocks = create_buffer(
+        (size_t)pass->draw_count * pass->blocks_a_draw * sizeof(struct block_vertex), NULL);
+    int r = create_draws(pass);
+    if (r == 0)
+        r = mapped_buffer_create(&pass->arenas, arena, LOADER_UPDATES, true);
     if (r == 0)
         r = mapped_buffer_create(&pass->upload_blocks, sizeof(struct upload_block), LOADER_UPDATES,
                                  false);
-    if (r == 0)
-        r = mapped_buffer_create(&pass->vertices, sizeof(pass->blocks), BUFFERED_FRAMES, false);
     return r == 0 ? 0
                   : diag_set(diag, r, "no memory for terrain updates of %zu MiB",
                              LOADER_UPDATES * arena >> 20);
@@ -112,15 +136,34 @@ static int create_buffers(struct clipmap_pass *pass, struct diag *diag)
 static void create_vertex_array(struct clipmap_pass *pass)
 {
     glCreateVertexArrays(1, &pass->vertex_array);
-    GLuint array = pass->vertex_array;
-    glVertexArrayAttribIFormat(array, 0, 4, GL_SHORT, offsetof(struct block_vertex, block));
-    glVertexArrayAttribIFormat(array, 1, 2, GL_SHORT, offsetof(struct block_vertex, level));
-    glVertexArrayAttribFormat(array, 2, 2, GL_FLOAT, GL_FALSE,
-                              offsetof(struct block_vertex, bounds));
-    for (GLuint attribute = 0; attribute < 3; attribute++) {
-        glEnableVertexArrayAttrib(array, attribute);
-        glVertexArrayAttribBinding(array, attribute, 0);
+    glVertexArrayVertexBuffer(pass->vertex_array, 0, pass->blocks, 0, sizeof(struct block_vertex));
+    glVertexArrayAttribIFormat(pass->vertex_array, 0, 4, GL_INT, 0);
+    glEnableVertexArrayAttrib(pass->vertex_array, 0);
+    glVertexArrayAttribBinding(pass->vertex_array, 0, 0);
+}
+
+static int create_programs(struct clipmap_pass *pass, struct diag *diag)
+{
+    char defines[256];
+    static const char format[] = "#define BLOCK %d\n#define TABLE %d\n#define DRAWS %u\n"
+                                 "#define BLOCKS_A_DRAW %u\n#define SPLIT %d\n";
+    const struct {
+        const char *name;
+        GLuint *program;
+        int split;
+    } programs[] = {
+        {"terrain", &pass->program, 0},       {"upload", &pass->upload_program, 0},
+        {"bounds", &pass->bounds_program, 0}, {"select", &pass->split_program, 1},
+        {"select", &pass->list_program, 0},
+    };
+    int r = 0;
+    for (size_t i = 0; i < sizeof(programs) / sizeof(programs[0]) && r == 0; i++) {
+        snprintf(defines, sizeof(defines), format, pass->shape.block, clipmap_table(&pass->shape),
+                 pass->draw_count, pass->blocks_a_draw, programs[i].split);
+        r = program_create(&(struct program_params){.name = programs[i].name, .defines = defines},
+                           programs[i].program, diag);
     }
+    return r;
 }
 
 int clipmap_pass_create(const struct clipmap_shape *shape, const struct gl_facts *facts,
@@ -129,20 +172,12 @@ int clipmap_pass_create(const struct clipmap_shape *shape, const struct gl_facts
     struct clipmap_pass *pass = calloc(1, sizeof(*pass));
     if (!pass)
         return diag_set(diag, -ENOMEM, "no memory for the clipmap");
-    *pass = (struct clipmap_pass){.shape = *shape,
-                                  .software = facts->software,
-                                  .instances = clipmap_instances(shape),
-                                  .blocks_stale = true};
-    size_t squares = (size_t)level_squares(shape) * (size_t)level_squares(shape);
-    pass->bounds = calloc((size_t)shape->levels * squares, sizeof(*pass->bounds));
-    char defines[64];
-    snprintf(defines, sizeof(defines), "#define INSTANCES %d\n", pass->instances);
-    int r = pass->bounds ? 0 : diag_set(diag, -ENOMEM, "no memory for the clipmap's bounds");
-    if (r == 0)
-        r = program_create(&(struct program_params){.name = "terrain", .defines = defines},
-                           &pass->program, diag);
-    if (r == 0)
-        r = program_create(&(struct program_params){.name = "upload"}, &pass->upload_program, diag);
+    unsigned blocks = BLOCKS_A_LEVEL * (unsigned)shape->levels;
+    unsigned vertices = (unsigned)((shape->block + 1) * (shape->block + 1) + 4 * shape->block);
+    *pass = (struct clipmap_pass){.shape = *shape, .software = facts->software};
+    pass->blocks_a_draw = facts->software ? SOFTWARE_VERTICES / vertices : blocks;
+    pass->draw_count = (blocks + pass->blocks_a_draw - 1) / pass->blocks_a_draw;
+    int r = create_programs(pass, diag);
     if (r == 0)
         r = create_buffers(pass, diag);
     if (r < 0) {
@@ -151,6 +186,7 @@ int clipmap_pass_create(const struct clipmap_shape *shape, const struct gl_facts
     }
     pass->heights = create_array(shape, clipmap_storage(shape), GL_RG32F, GL_NEAREST);
     pass->surfaces = create_array(shape, 2 * clipmap_storage(shape), GL_RGBA8, GL_LINEAR);
+    pass->bounds = create_array(shape, clipmap_table(shape), GL_RG32F, GL_NEAREST);
     pass->ground = ground_texture_create(facts->software);
     create_vertex_array(pass);
     *ret_pass = pass;
@@ -161,40 +197,87 @@ void clipmap_pass_destroy(struct clipmap_pass *pass)
 {
     if (!pass)
         return;
-    const GLuint textures[] = {pass->heights, pass->surfaces, pass->ground};
-    glDeleteTextures(3, textures);
-    mapped_buffer_destroy(&pass->vertices);
+    const GLuint textures[] = {pass->heights, pass->surfaces, pass->bounds, pass->ground};
+    const GLuint buffers[] = {pass->splits, pass->draws, pass->blocks};
+    glDeleteTextures(4, textures);
+    glDeleteBuffers(3, buffers);
     mapped_buffer_destroy(&pass->upload_blocks);
     mapped_buffer_destroy(&pass->arenas);
     glDeleteVertexArrays(1, &pass->vertex_array);
     glDeleteProgram(pass->program);
     glDeleteProgram(pass->upload_program);
-    free(pass->bounds);
+    glDeleteProgram(pass->bounds_program);
+    glDeleteProgram(pass->split_program);
+    glDeleteProgram(pass->list_program);
     free(pass);
 }
 
 enum texture_kind { HEIGHTS, SURFACES };
 
+static void add_rect(const struct clipmap_pass *pass, const struct upload *upload, unsigned *index,
+                     unsigned *groups, struct upload_rect rect)
+{
+    struct upload_block *block = mapped_buffer_part(&pass->upload_blocks, (unsigned)upload->slot);
+    assert(*index < UPLOAD_RECTS);
+    rect.first_group = (GLint)*groups;
+    block->rects[(*index)++] = rect;
+    *groups += (unsigned)(rect.texels + UPLOAD_GROUP - 1) / UPLOAD_GROUP;
+}
+
 /* Adds the texels that lie row-major from `word` of the arena on to what has to be copied. */
-static void add_rect(const struct clipmap_pass *pass, struct upload *upload, enum texture_kind kind,
-                     int level, struct clipmap_rect rect, size_t word)
+static void add_texels(const struct clipmap_pass *pass, struct upload *upload,
+                       enum texture_kind kind, int layer, struct clipmap_rect rect, size_t word)
 {
     int texels = rect.rows * rect.cols, side = clipmap_storage(&pass->shape) << (kind == SURFACES);
     if (texels == 0)
         return;
-    struct upload_block *block = mapped_buffer_part(&pass->upload_blocks, (unsigned)upload->slot);
-    assert(upload->rects < 2 * LOADER_MAX_STRIPS);
-    block->rects[upload->rects++] = (struct upload_rect){
-        .col0 = rect.col0,
-        .row0 = rect.row0,
-        .cols = rect.cols,
-        .texels = texels,
-        .word = (GLint)word,
-        .layer = 2 * level + kind,
-        .mask = side - 1,
-        .first_group = (GLint)upload->groups,
-    };
-    upload->groups += (unsigned)(texels + UPLOAD_GROUP - 1) / UPLOAD_GROUP;
+    add_rect(pass, upload, &upload->rects, &upload->groups,
+             (struct upload_rect){.col0 = rect.col0,
+                                  .row0 = rect.row0,
+                                  .cols = rect.cols,
+                                  .texels = texels,
+                                  .word = (GLint)word,
+                                  .layer = 2 * layer + kind,
+                                  .mask = side - 1});
+}
+
+static int floor_div(int a, int b)
+{
+    return a >= 0 ? a / b : -((b - 1 - a) / b);
+}
+
+/* The blocks that lie whole in a window and have any of these posts. */
+static struct clipmap_rect blocks_with(int block, struct clipmap_rect window,
+                                       struct clipmap_rect posts)
+{
+    struct clipmap_rect held = {floor_div(window.row0 + block - 1, block),
+                                floor_div(window.col0 + block - 1, block),
+                                floor_div(window.row0 + window.rows - 1, block),
+                                floor_div(window.col0 + window.cols - 1, block)};
+    held.rows -= held.row0;
+    held.cols -= held.col0;
+    struct clipmap_rect touched = {floor_div(posts.row0 - 1, block),
+                                   floor_div(posts.col0 - 1, block),
+                                   floor_div(posts.row0 + posts.rows - 1, block) + 1,
+                                   floor_div(posts.col0 + posts.cols - 1, block) + 1};
+    touched.rows -= touched.row0;
+    touched.cols -= touched.col0;
+    return clipmap_common(held, touched);
+}
+
+static void add_blocks(const struct clipmap_pass *pass, struct upload *upload,
+                       const struct loader_update *update, const struct loader_strip *strip)
+{
+    struct clipmap_rect window = update->levels[strip->level].panes[strip->pane].posts;
+    struct clipmap_rect blocks = blocks_with(pass->shape.block, window, strip->posts);
+    if (blocks.rows == 0)
+        return;
+    add_rect(pass, upload, &upload->ends, &upload->block_groups,
+             (struct upload_rect){.col0 = blocks.col0,
+                                  .row0 = blocks.row0,
+                                  .cols = blocks.cols,
+                                  .texels = blocks.rows * blocks.cols,
+                                  .word = CLIPMAP_PANES * strip->level + strip->pane});
 }
 
 void clipmap_pass_apply(struct clipmap_pass *pass, const struct loader_update *update)
@@ -205,42 +288,55 @@ void clipmap_pass_apply(struct clipmap_pass *pass, const struct loader_update *u
     *upload = (struct upload){.slot = update->slot};
     for (unsigned i = 0; i < update->strip_count; i++) {
         const struct loader_strip *strip = &update->strips[i];
-        add_rect(pass, upload, HEIGHTS, strip->level, strip->posts, 2 * strip->height_offset);
-        add_rect(pass, upload, SURFACES, strip->level, strip->half_posts,
-                 surfaces + strip->surface_offset);
+        int layer = CLIPMAP_PANES * strip->level + strip->pane;
+        add_texels(pass, upload, HEIGHTS, layer, strip->posts, 2 * strip->height_offset);
+        add_texels(pass, upload, SURFACES, layer, strip->half_posts,
+                   surfaces + strip->surface_offset);
     }
+    upload->ends = upload->rects;
+    for (unsigned i = 0; i < update->strip_count; i++)
+        add_blocks(pass, upload, update, &update->strips[i]);
     pass->uploaded += update->height_count * sizeof(struct loader_height) +
                       update->surface_count * sizeof(struct loader_surface);
-    size_t squares = (size_t)level_squares(&pass->shape) * (size_t)level_squares(&pass->shape);
-    memcpy(pass->bounds, update->bounds,
-           (size_t)pass->shape.levels * squares * sizeof(*pass->bounds));
-    pass->layout = update->layout;
-    pass->finest = update->finest;
-    pass->has_layout = true;
-    pass->blocks_stale = true;
+    memcpy(pass->levels, update->levels, sizeof(pass->levels));
+    pass->has_levels = true;
+}
+
+static void copy_texels(const struct clipmap_pass *pass, const struct upload *upload)
+{
+    GLuint rows = (upload->groups + UPLOAD_GROUPS_X - 1) / UPLOAD_GROUPS_X;
+    glUseProgram(pass->upload_program);
+    glBindImageTexture(0, pass->heights, 0, GL_TRUE, 0, GL_WRITE_ONLY, GL_RG32F);
+    glBindImageTexture(1, pass->surfaces, 0, GL_TRUE, 0, GL_WRITE_ONLY, GL_RGBA8);
+    mapped_buffer_bind(&pass->arenas, GL_SHADER_STORAGE_BUFFER, 0, (unsigned)upload->slot,
+                       pass->arenas.stride);
+    glUniform1i(0, (GLint)upload->rects);
+    if (rows > 0)
+        glDispatchCompute(rows > 1 ? UPLOAD_GROUPS_X : upload->groups, rows, 1);
+}
+
+static void find_bounds(const struct clipmap_pass *pass, const struct upload *upload)
+{
+    glUseProgram(pass->bounds_program);
+    glBindTextureUnit(0, pass->heights);
+    glBindImageTexture(0, pass->bounds, 0, GL_TRUE, 0, GL_WRITE_ONLY, GL_RG32F);
+    glUniform2i(0, (GLint)upload->rects, (GLint)upload->ends);
+    if (upload->block_groups > 0)
+        glDispatchCompute(upload->block_groups, 1, 1);
 }
 
 void clipmap_pass_upload(struct clipmap_pass *pass)
 {
-    if (pass->upload_count == 0)
-        return;
-    glUseProgram(pass->upload_program);
-    glBindImageTexture(0, pass->heights, 0, GL_TRUE, 0, GL_WRITE_ONLY, GL_RG32F);
-    glBindImageTexture(1, pass->surfaces, 0, GL_TRUE, 0, GL_WRITE_ONLY, GL_RGBA8);
     for (unsigned i = 0; i < pass->upload_count; i++) {
         const struct upload *upload = &pass->uploads[i];
-        GLuint rows = (upload->groups + UPLOAD_GROUPS_X - 1) / UPLOAD_GROUPS_X;
-        unsigned slot = (unsigned)upload->slot;
-        mapped_buffer_bind(&pass->arenas, GL_SHADER_STORAGE_BUFFER, 0, slot, pass->arenas.stride);
-        mapped_buffer_bind(&pass->upload_blocks, GL_UNIFORM_BUFFER, 2, slot,
+        mapped_buffer_bind(&pass->upload_blocks, GL_UNIFORM_BUFFER, 2, (unsigned)upload->slot,
                            sizeof(struct upload_block));
-        glUniform1i(0, (GLint)upload->rects);
-        if (i > 0) /* a later update may write the same texels */
-            glMemoryBarrier(GL_SHADER_IMAGE_ACCESS_BARRIER_BIT);
-        if (rows > 0)
-            glDispatchCompute(rows > 1 ? UPLOAD_GROUPS_X : upload->groups, rows, 1);
+        copy_texels(pass, upload);
+        glMemoryBarrier(GL_TEXTURE_FETCH_BARRIER_BIT);
+        find_bounds(pass, upload);
+        /* A later update may write the same texels. */
+        glMemoryBarrier(GL_TEXTURE_FETCH_BARRIER_BIT | GL_SHADER_IMAGE_ACCESS_BARRIER_BIT);
     }
-    glMemoryBarrier(GL_TEXTURE_FETCH_BARRIER_BIT);
     pass->upload_count = 0;
 }
 
@@ -249,108 +345,46 @@ void *clipmap_pass_arena(const struct clipmap_pass *pass, int slot)
     return mapped_buffer_part(&pass->arenas, (unsigned)slot);
 }
 
-const struct clipmap_layout *clipmap_pass_layout(const struct clipmap_pass *pass)
+const struct loader_level *clipmap_pass_levels(const struct clipmap_pass *pass)
 {
-    return pass->has_layout ? &pass->layout : NULL;
+    return pass->has_levels ? pass->levels : NULL;
 }
 
-int clipmap_pass_finest(const struct clipmap_pass *pass)
+uint64_t clipmap_pass_take_uploaded(struct clipmap_pass *pass)
 {
-    return pass->finest;
-}
-
-static struct loader_bounds block_bounds(const struct clipmap_pass *pass, int level,
-                                         const struct clipmap_block *block)
-{
-    const struct clipmap_shape *shape = &pass->shape;
-    size_t squares = (size_t)level_squares(shape) * (size_t)level_squares(shape);
-    const struct loader_bounds *of_level = pass->bounds + (size_t)level * squares;
-    struct loader_bounds bounds = {INFINITY, -INFINITY};
-    int32_t south = pass->layout.windows[level].row0 + block->row;
-    int32_t west = pass->layout.windows[level].col0 + block->col;
-    for (int32_t row = south & ~(LEVEL_SQUARE - 1); row < south + block->rows;
-         row += LEVEL_SQUARE) {
-        for (int32_t col = west & ~(LEVEL_SQUARE - 1); col < west + block->cols;
-             col += LEVEL_SQUARE) {
-            struct loader_bounds square = of_level[level_square_index(shape, row, col)];
-            bounds.min_m = fminf(bounds.min_m, square.min_m);
-            bounds.max_m = fmaxf(bounds.max_m, square.max_m);
-        }
-    }
-    bounds.min_m -= BOUNDS_MARGIN_M;
-    bounds.max_m += BOUNDS_MARGIN_M;
-    return bounds;
-}
-
-/* Appends a block, opening a new draw where the old one would emit too many vertices. */
-static void list_block(struct clipmap_pass *pass, int level, const struct clipmap_block *block,
-                       int *vertices_in_draw)
-{
-    int vertices = clipmap_block_vertices(block) +
-                   4 * pass->instances * pass->instances * (block->cols + block->rows);
-    if (pass->instances == 1)
-        vertices = clipmap_block_vertices(block);
-    if (pass->range_count == 0 ||
-        (pass->software && *vertices_in_draw + vertices > SOFTWARE_VERTICES)) {
-        pass->ranges[pass->range_count++] = (struct draw_range){.first = (GLint)pass->block_count};
-        *vertices_in_draw = 0;
-    }
-    *vertices_in_draw += vertices;
-    assert(!pass->software || *vertices_in_draw <= SOFTWARE_VERTICES);
-    struct loader_bounds bounds = block_bounds(pass, level, block);
-    pass->ranges[pass->range_count - 1].count++;
-    pass->blocks[pass->block_count++] = (struct block_vertex){
-        .block = {block->col, block->row, block->cols, block->rows},
-        .level = {(int16_t)level, block->doubled},
-        .bounds = {bounds.min_m, bounds.max_m},
-    };
-    pass->triangles += 2u * (unsigned)block->cols * (unsigned)block->rows;
-}
-
-static void list_blocks(struct clipmap_pass *pass, int finest)
-{
-    int vertices_in_draw = 0;
-    pass->block_count = pass->range_count = 0;
-    pass->triangles = 0;
-    for (int level = finest; level < pass->shape.levels; level++) {
-        struct clipmap_block blocks[CLIPMAP_MAX_BLOCKS];
-        int count = clipmap_blocks(&pass->shape, &pass->layout, level, level > finest, blocks);
-        for (int i = 0; i < count; i++)
-            list_block(pass, level, &blocks[i], &vertices_in_draw);
-    }
-    pass->listed_finest = finest;
-    pass->blocks_stale = false;
-}
-
-void clipmap_pass_prepare(struct clipmap_pass *pass, int finest,
-                          struct clipmap_pass_facts *ret_facts)
-{
-    assert(pass->has_layout && finest >= pass->finest && finest < pass->shape.levels);
-    if (pass->blocks_stale || finest != pass->listed_finest)
-        list_blocks(pass, finest);
-    pass->part = (pass->part + 1) % BUFFERED_FRAMES;
-    memcpy(mapped_buffer_part(&pass->vertices, pass->part), pass->blocks,
-           pass->block_count * sizeof(pass->blocks[0]));
-    *ret_facts = (struct clipmap_pass_facts){.control_points = pass->block_count,
-                                             .draws = pass->range_count,
-                                             .triangles = pass->triangles,
-                                             .upload_bytes = pass->uploaded};
+    uint64_t uploaded = pass->uploaded;
     pass->uploaded = 0;
+    return uploaded;
+}
+
+void clipmap_pass_select(const struct clipmap_pass *pass)
+{
+    GLuint groups = (GLuint)clipmap_table(&pass->shape) / SELECT_GROUP;
+    GLuint panes = (GLuint)pass->shape.levels * CLIPMAP_PANES;
+    glBindBufferBase(GL_SHADER_STORAGE_BUFFER, STORAGE_SPLITS, pass->splits);
+    glBindBufferBase(GL_SHADER_STORAGE_BUFFER, STORAGE_DRAWS, pass->draws);
+    glBindBufferBase(GL_SHADER_STORAGE_BUFFER, STORAGE_BLOCKS, pass->blocks);
+    glBindTextureUnit(0, pass->bounds);
+    glUseProgram(pass->split_program);
+    glDispatchCompute(groups, groups, panes);
+    glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT);
+    glUseProgram(pass->list_program);
+    glDispatchCompute(groups, groups, panes);
+    glMemoryBarrier(GL_COMMAND_BARRIER_BIT | GL_VERTEX_ATTRIB_ARRAY_BARRIER_BIT);
 }
 
 void clipmap_pass_draw(const struct clipmap_pass *pass)
 {
     glUseProgram(pass->program);
     glBindVertexArray(pass->vertex_array);
-    glBindVertexBuffer(0, pass->vertices.name, (GLintptr)(pass->part * pass->vertices.stride),
-                       sizeof(struct block_vertex));
     glBindTextureUnit(0, pass->heights);
     glBindTextureUnit(1, pass->surfaces);
     glBindTextureUnit(2, pass->ground);
+    glBindBuffer(GL_DRAW_INDIRECT_BUFFER, pass->draws);
     glPatchParameteri(GL_PATCH_VERTICES, 1);
-    for (unsigned i = 0; i < pass->range_count; i++) {
-        glDrawArraysInstanced(GL_PATCHES, pass->ranges[i].first, pass->ranges[i].count,
-                              pass->instances * pass->instances);
+    for (unsigned i = 0; i < pass->draw_count; i++) {
+        size_t at = sizeof(struct draw_list) + i * sizeof(struct draw_command);
+        glDrawArraysIndirect(GL_PATCHES, (const void *)at);
         if (pass->software)
             glFlush();
     }

@@ -47,6 +47,19 @@ static float fractal(int x, int y, int first_cells, float persistence, uint32_t 
     return 0.8f * sum / sqrtf(total); /* as varied whatever the persistence */
 }
 
+/* The same, turned by a quarter about the tile's corner: faces of the cube meet so. */
+static float symmetric(int x, int y, int first_cells, float persistence, uint32_t seed)
+{
+    float sum = 0.0f;
+    for (int quarter = 0; quarter < 4; quarter++) {
+        sum += fractal(x, y, first_cells, persistence, seed);
+        int turned = SIDE - 1 - y;
+        y = x;
+        x = turned;
+    }
+    return 0.5f * sum; /* as varied as one */
+}
+
 static uint8_t byte_from_signed(float value)
 {
     float scaled = 127.5f + 127.5f * fminf(fmaxf(value, -1.0f), 1.0f);
@@ -61,7 +74,7 @@ GLuint ground_texture_create(bool software)
     if (surface && texels) {
         for (int y = 0; y < SIDE; y++)
             for (int x = 0; x < SIDE; x++)
-                surface[y * SIDE + x] = fractal(x, y, 8, 0.6f, 11);
+                surface[y * SIDE + x] = symmetric(x, y, 8, 0.6f, 11);
         for (int y = 0; y < SIDE; y++) {
             for (int x = 0; x < SIDE; x++) {
                 float east = surface[y * SIDE + (x + 1) % SIDE];
@@ -71,8 +84,8 @@ GLuint ground_texture_create(bool software)
                 uint8_t *texel = texels[y * SIDE + x];
                 texel[0] = byte_from_signed(2.0f * (east - west));
                 texel[1] = byte_from_signed(2.0f * (north - south));
-                texel[2] = byte_from_signed(fractal(x, y, 4, 0.85f, 101));
-                texel[3] = byte_from_signed(fractal(x, y, 4, 0.7f, 211));
+                texel[2] = byte_from_signed(symmetric(x, y, 4, 0.85f, 101));
+                texel[3] = byte_from_signed(symmetric(x, y, 4, 0.7f, 211));
             }
         }
         glCreateTextures(GL_TEXTURE_2D, 1, &texture);

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "geo/cube.h"
 #include "geo/geographic.h"
 #include "render/clipmap_pass.h"
 #include "render/image_pass.h"
@@ -39,7 +40,8 @@ struct renderer {
     unsigned held_count;
 
     /* From the last update applied. */
-    double ground_m, undulation_m;
+    struct loader_ground ground; /* at the eye, of the last wish that was answered */
+    bool has_ground;
     bool late; /* some of the terrain is coarser than the source has it */
     struct renderer_frame frame;
 };
@@ -47,21 +49,14 @@ struct renderer {
 struct clipmap_shape renderer_shape(const struct terrain_facts *facts, int height_px,
                                     double pixel_error, bool software)
 {
-    const double metres_per_degree = 111195.0, reach_m = 900e3;
-    struct clipmap_shape shape = {.n = software ? 127 : 255,
-                                  .step_deg = facts->finest_lat_step_deg};
     double cells = height_px / fmax(pixel_error, 0.25);
+    int radius = software ? 64 : 128;
     if (!software && cells > 1600)
-        shape.n = 511;
+        radius *= 2;
     if (cells < 400)
-        shape.n = shape.n / 2;
-    while (shape.step_deg * metres_per_degree > 1.6)
-        shape.step_deg *= 0.5;
-    double radius_m = (shape.n - 1) / 2.0 * shape.step_deg * metres_per_degree;
-    shape.levels = 1 + (int)ceil(log2(reach_m / radius_m));
-    if (shape.levels > CLIPMAP_MAX_LEVELS)
-        shape.levels = CLIPMAP_MAX_LEVELS;
-    return shape;
+        radius /= 2;
+    /* Small blocks waste fewer triangles; software rasterisers pay for each. */
+    return clipmap_shape(radius, software ? radius / 8 : radius / 16, facts->finest_lat_step_deg);
 }
 
 static int create_framebuffers(struct renderer *renderer, struct diag *diag)
@@ -188,54 +183,76 @@ void renderer_destroy(struct renderer *renderer)
     free(renderer);
 }
 
+static double height_above_ground_m(const struct renderer *renderer, const struct geodetic *eye)
+{
+    return eye->height_m - (double)renderer->ground.ground_m;
+}
+
+static int finest_wanted(const struct renderer *renderer, const struct geodetic *eye)
+{
+    double normal[3];
+    cube_normal_from_geodetic(eye->lat_deg, eye->lon_deg, normal);
+    return clipmap_finest_level(&renderer->shape, normal,
+                                renderer->has_ground ? renderer->ground.nearest_m : eye->height_m);
+}
+
 /* One level finer than will be drawn is kept ready, so that descending finds it. */
 void renderer_wish(struct renderer *renderer, const struct geodetic *eye, bool patient)
 {
-    float fade;
-    double height_m = eye->height_m - renderer->ground_m;
-    int finest = clipmap_finest_level(&renderer->shape, height_m, &fade);
-    loader_wish(renderer->loader, eye->lat_deg, eye->lon_deg, finest > 0 ? finest - 1 : 0, patient);
-    image_pass_wish(renderer->images, eye, height_m);
+    int finest = finest_wanted(renderer, eye);
+    loader_wish(renderer->loader, eye, finest > 0 ? finest - 1 : 0, patient);
+    image_pass_wish(renderer->images, eye, height_above_ground_m(renderer, eye));
+}
+
+static void give_updates_back(struct renderer *renderer)
+{
+    while (renderer->held_count > 0)
+        loader_give_back(renderer->loader, renderer->held[--renderer->held_count]);
+}
+
+static void take_updates(struct renderer *renderer)
+{
+    struct loader_update *update;
+    while (renderer->held_count < LOADER_UPDATES && (update = loader_take(renderer->loader))) {
+        clipmap_pass_apply(renderer->clipmap, update);
+        renderer->late = update->late;
+        renderer->held[renderer->held_count++] = update;
+    }
+    renderer->has_ground |= loader_take_ground(renderer->loader, &renderer->ground);
 }
 
 void renderer_wait(struct renderer *renderer)
 {
     loader_wait(renderer->loader);
+    while (loader_pending(renderer->loader)) { /* for want of room */
+        take_updates(renderer);
+        clipmap_pass_upload(renderer->clipmap);
+        glFinish();
+        give_updates_back(renderer);
+        loader_wait(renderer->loader);
+    }
     image_pass_settle(renderer->images);
 }
 
-/* Returns the bytes of imagery; those of terrain are the clipmap's to count. */
+/* Returns the bytes that are copied. */
 static size_t apply_updates(struct renderer *renderer)
 {
-    struct loader_update *update;
-    while (renderer->held_count < LOADER_UPDATES && (update = loader_take(renderer->loader))) {
-        clipmap_pass_apply(renderer->clipmap, update);
-        renderer->ground_m = update->ground_m;
-        renderer->undulation_m = update->undulation_m;
-        renderer->late = update->late;
-        renderer->held[renderer->held_count++] = update;
-    }
-    return image_pass_take(renderer->images);
+    take_updates(renderer);
+    return clipmap_pass_take_uploaded(renderer->clipmap) + image_pass_take(renderer->images);
 }
 
-/* Whether the windows that are drawn are those that this eye asks for. */
+/* Whether the levels that are drawn reach as far as this eye asks for. */
 static bool is_complete(const struct renderer *renderer, const struct geodetic *eye)
 {
-    const struct clipmap_shape *shape = &renderer->shape;
-    const struct clipmap_layout *drawn = clipmap_pass_layout(renderer->clipmap);
-    if (!drawn || renderer->late)
+    const struct loader_level *levels = clipmap_pass_levels(renderer->clipmap);
+    if (!levels || renderer->late)
         return false;
-    float fade;
-    int wanted = clipmap_finest_level(shape, eye->height_m - renderer->ground_m, &fade);
-    double centre_deg =
-        (drawn->windows[0].col0 + shape->n / 2.0) * shape->step_deg * drawn->lon_factor;
-    struct clipmap_layout layout;
-    clipmap_place(shape, eye->lat_deg, longitude_unwrapped_deg(eye->lon_deg, centre_deg),
-                  clipmap_lon_factor(eye->lat_deg, drawn->lon_factor), &layout);
-    return clipmap_pass_finest(renderer->clipmap) <= wanted &&
-           layout.lon_factor == drawn->lon_factor &&
-           memcmp(layout.windows, drawn->windows, sizeof(layout.windows)) == 0 &&
-           image_pass_complete(renderer->images, eye, eye->height_m - renderer->ground_m);
+    double normal[3];
+    cube_normal_from_geodetic(eye->lat_deg, eye->lon_deg, normal);
+    for (int level = finest_wanted(renderer, eye); level < renderer->shape.levels; level++)
+        if (!clipmap_holds(&renderer->shape, level, &levels[level].cap, normal))
+            return false;
+    return image_pass_complete(renderer->images, eye, height_above_ground_m(renderer, eye));
 }
 
 /* Everything that a frame needs to be computed, before its first command. True where there is
@@ -244,26 +261,19 @@ static bool prepare_frame(struct renderer *renderer, struct view *view)
 {
     renderer->frame.upload_bytes = apply_updates(renderer);
     renderer->frame.complete = is_complete(renderer, &view->eye);
-    renderer->frame.height_above_terrain_m = view->eye.height_m - renderer->ground_m;
-    renderer->frame.undulation_m = view->undulation_m = renderer->undulation_m;
+    renderer->frame.height_above_terrain_m = height_above_ground_m(renderer, &view->eye);
+    view->undulation_m = (double)renderer->ground.undulation_m;
+    renderer->frame.undulation_m = view->undulation_m;
     renderer->scene = (renderer->scene + 1) % BUFFERED_SCENES;
     struct scene_block *scene = mapped_buffer_part(&renderer->scenes, renderer->scene);
     scene_set_view(view, scene);
-    if (!clipmap_pass_layout(renderer->clipmap))
+    const struct loader_level *levels = clipmap_pass_levels(renderer->clipmap);
+    if (!levels)
         return false;
-    float fade;
-    double height_m = view->eye.height_m - renderer->ground_m;
     double pixel_rad = (view->tan_right - view->tan_left) / renderer->width;
-    int wanted = clipmap_finest_level(&renderer->shape, height_m, &fade);
-    int filled = clipmap_pass_finest(renderer->clipmap);
-    int finest = wanted > filled ? wanted : filled;
-    scene_set_levels(view, &renderer->shape, clipmap_pass_layout(renderer->clipmap), finest,
-                     finest == wanted ? fade : 0.0f, pixel_rad, scene);
-    struct clipmap_pass_facts facts;
-    clipmap_pass_prepare(renderer->clipmap, finest, &facts);
-    renderer->frame.control_points = facts.control_points;
-    renderer->frame.upload_bytes += facts.upload_bytes;
-    image_pass_prepare(renderer->images, &view->eye, height_m, pixel_rad);
+    scene_set_levels(view, &renderer->shape, levels, renderer->ground.nearest_m, pixel_rad, scene);
+    image_pass_prepare(renderer->images, &view->eye, height_above_ground_m(renderer, &view->eye),
+                       pixel_rad);
     return true;
 }
 
@@ -305,10 +315,12 @@ void renderer_draw(struct renderer *renderer, struct view *view)
     begin_pass(renderer, PASS_UPLOAD, "terrain upload");
     clipmap_pass_upload(renderer->clipmap);
     image_pass_upload(renderer->images);
-    begin_pass(renderer, PASS_TERRAIN, "terrain");
-    glBeginQuery(GL_PRIMITIVES_GENERATED, renderer->triangle_query);
     mapped_buffer_bind(&renderer->scenes, GL_UNIFORM_BUFFER, 0, renderer->scene,
                        sizeof(struct scene_block));
+    if (terrain)
+        clipmap_pass_select(renderer->clipmap);
+    begin_pass(renderer, PASS_TERRAIN, "terrain");
+    glBeginQuery(GL_PRIMITIVES_GENERATED, renderer->triangle_query);
     glBindFramebuffer(GL_FRAMEBUFFER, renderer->geometry_framebuffer);
     glViewport(0, 0, renderer->width, renderer->height);
     glClear(GL_DEPTH_BUFFER_BIT);
@@ -342,8 +354,7 @@ void renderer_finish(struct renderer *renderer, struct renderer_frame *ret_frame
     renderer->frame.upload_ms = pass_ms(marks_ns, PASS_UPLOAD);
     renderer->frame.terrain_ms = pass_ms(marks_ns, PASS_TERRAIN);
     renderer->frame.shade_ms = pass_ms(marks_ns, PASS_SHADE);
-    while (renderer->held_count > 0)
-        loader_give_back(renderer->loader, renderer->held[--renderer->held_count]);
+    give_updates_back(renderer);
     image_pass_release(renderer->images);
     renderer->frame.triangles = triangles;
     renderer->frame.failed =

@@ -37,9 +37,8 @@ struct renderer_frame {
 
 struct renderer;
 
-/* The clipmap that fits a source, a screen and a rasteriser: level 0 at about a metre on the
- * source's own grid, n by pixels and `pixel_error` (smaller on software rasterisers), levels up to
- * the horizon. */
+/* The clipmap that fits a source, a screen and a rasteriser: the radius by pixels and
+ * `pixel_error`, smaller on software rasterisers. */
 struct clipmap_shape renderer_shape(const struct terrain_facts *facts, int height_px,
                                     double pixel_error, bool software);
 

@@ -2,13 +2,15 @@
 
 #include <math.h>
 
+#include "geo/cube.h"
+#include "geo/frames.h"
+
 #define DEGREE         (M_PI / 180.0)
 #define WGS84_A        6378137.0
 #define WGS84_E2       6.69437999014e-3
 #define CONTRAST_LN    3.912  /* ln(1 / 0.02): Koschmieder's constant */
 #define SCALE_HEIGHT_M 7000.0 /* over which the air's haze thins by e */
-#define TEXTURE_PERIOD (1 << 20)
-#define LAG_POSTS      3.0 /* how far a window may trail the eye before its blend stops following */
+#define RAMP_END       0.999 /* of a level's reach: wholly blended from there, whatever is rounded */
 
 /* Reversed depth with the far plane at infinity: near -> 1, infinity -> 0. */
 static void set_projection(const struct view *view, struct scene_block *scene)
@@ -64,6 +66,7 @@ void scene_set_view(const struct view *view, struct scene_block *ret_scene)
     scene->eye_trig[1] = (float)cos(lat);
     scene->eye_trig[2] = (float)n0;
     scene->eye_trig[3] = (float)view->eye.height_m;
+    scene->eye_rest[0] = (float)(view->eye.height_m - (double)scene->eye_trig[3]);
     for (int i = 0; i < 3; i++)
         scene->sun[i] = (float)view->sun_enu[i];
     double up = view->sun_enu[2];
@@ -74,70 +77,111 @@ void scene_set_view(const struct view *view, struct scene_block *ret_scene)
     scene->haze[3] = (float)(0.015 + 0.985 * fmin(fmax((up + 0.12) / 0.32, 0.0), 1.0));
     const double rays[4] = {view->tan_left, view->tan_bottom, view->tan_right, view->tan_top};
     for (int i = 0; i < 4; i++)
-        scene->view_rays[0][i] = (float)rays[i];
-    scene->view_rays[1][3] = (float)view->near_m;
+        scene->view_rays[i] = (float)rays[i];
+    scene->grid[3] = (float)view->near_m;
     for (int col = 0; col < 4; col++)
         for (int row = 0; row < 4; row++)
             scene->enu_from_eye[4 * col + row] =
                 row < 3 && col < 3 ? (float)view->enu_from_eye[row][col] : (float)(row == col);
 }
 
-static double clamped(double value, double centre, double reach)
+/* The eye on one face. */
+static void set_pane(const struct view *view, int face, double half_step_rad,
+                     struct scene_pane *ret_pane)
 {
-    return fmin(fmax(value, centre - reach), centre + reach);
+    double enu_axes[3][3], axes[3][3], enu[3][3], eye[2];
+    frames_enu_axes_ecef(view->eye.lat_deg, view->eye.lon_deg, enu_axes);
+    cube_axes(face, axes);
+    for (int i = 0; i < 3; i++)
+        frames_rotate(enu_axes, axes[i], enu[i]);
+    cube_angles(face, enu_axes[2], &eye[0], &eye[1]);
+    double u = tan(eye[0]), w = tan(eye[1]), length = sqrt(1.0 + u * u + w * w);
+    struct scene_pane pane = {.along_xi[3] = (float)u, .along_eta[3] = (float)w};
+    for (int i = 0; i < 3; i++) {
+        pane.along_xi[i] = (float)((1.0 + u * u) / length * enu[1][i]);
+        pane.along_eta[i] = (float)((1.0 + w * w) / length * enu[2][i]);
+        for (int column = 0; column < 3; column++)
+            pane.axes[column][i] = (float)enu[column][i];
+    }
+    for (int i = 0; i < 2; i++) {
+        double nearest = nearbyint((eye[i] + M_PI / 4.0) / half_step_rad);
+        pane.origin[i] = (int32_t)nearest;
+        pane.base[i] = (float)(nearest * half_step_rad - (eye[i] + M_PI / 4.0));
+    }
+    pane.origin[2] = face;
+    *ret_pane = pane;
 }
 
-void scene_set_levels(const struct view *view, const struct clipmap_shape *shape,
-                      const struct clipmap_layout *layout, int finest, float fade, double pixel_rad,
-                      struct scene_block *ret_scene)
+static void set_edges(struct scene_block *scene)
+{
+    for (int p = 0; p < CLIPMAP_PANES; p++)
+        for (int side = 0; side < CUBE_SIDES; side++) {
+            struct cube_edge edge = cube_edge(scene->panes[p].origin[2], (enum cube_side)side);
+            int there = edge.face % CLIPMAP_PANES;
+            int32_t *ret = scene->edges[CUBE_SIDES * p + side];
+            ret[0] = scene->panes[there].origin[2] == edge.face ? there : -1;
+            ret[1] = (int32_t)edge.side;
+            ret[2] = edge.backwards;
+            ret[3] = edge.face;
+        }
+}
+
+static void set_window(const struct scene_block *scene, int p, const struct clipmap_pane *held,
+                       int32_t ret_window[4])
+{
+    bool near = held->face == scene->panes[p].origin[2];
+    ret_window[0] = held->posts.col0;
+    ret_window[1] = held->posts.row0;
+    ret_window[2] = near ? held->posts.cols : 0;
+    ret_window[3] = near ? held->posts.rows : 0;
+}
+
+int scene_set_levels(const struct view *view, const struct clipmap_shape *shape,
+                     const struct loader_level *levels, double nearest_m, double pixel_rad,
+                     struct scene_block *ret_scene)
 {
     struct scene_block *scene = ret_scene;
-    double row_step = shape->step_deg, col_step = shape->step_deg * layout->lon_factor;
-    int n = shape->n, mask = clipmap_storage(shape) - 1, m = clipmap_m(shape);
-    double centre_lon_deg = (layout->windows[0].col0 + n / 2.0) * col_step;
-    double row = view->eye.lat_deg / row_step;
-    double col = longitude_unwrapped_deg(view->eye.lon_deg, centre_lon_deg) / col_step;
-    int64_t base_row = (int64_t)floor(row), base_col = (int64_t)floor(col);
-    scene->grid[0] = (float)(col_step * DEGREE);
-    scene->grid[1] = (float)(row_step * DEGREE);
-    scene->grid[2] = (float)(((double)base_col - col) * col_step * DEGREE);
-    scene->grid[3] = (float)(((double)base_row - row) * row_step * DEGREE);
-    scene->eye_texture[0] = (float)(base_col & (TEXTURE_PERIOD - 1));
-    scene->eye_texture[1] = (float)(base_row & (TEXTURE_PERIOD - 1));
-    scene->eye_texture[2] = (float)(mask + 1);
-    scene->eye_texture[3] = 1.0f / (float)(mask + 1);
-    scene->view_rays[1][0] = fade;
-    scene->view_rays[1][1] = 0.0f;
-    scene->view_rays[1][2] = (float)(pixel_rad / (row_step * DEGREE * WGS84_A));
-    double half = (n - 1) / 2.0, width = fmax(n / 10.0, 4.0);
-    const struct clipmap_window *first = &layout->windows[finest];
-    double reach = half - LAG_POSTS;
-    scene->base[0] = (int32_t)base_col;
-    scene->base[1] = (int32_t)base_row;
-    scene->base[2] = mask;
-    scene->base[3] = finest | (shape->levels - 1) << 8;
-    scene->blend[0] =
-        (float)(ldexp(clamped(ldexp(col, -finest), first->col0 + half, LAG_POSTS), finest) -
-                (double)base_col);
-    scene->blend[1] =
-        (float)(ldexp(clamped(ldexp(row, -finest), first->row0 + half, LAG_POSTS), finest) -
-                (double)base_row);
-    scene->blend[2] = (float)(1.0 / reach);
-    scene->blend[3] = (float)(reach / width);
-    double bow = 1.0 + fabs(tan(view->eye.lat_deg * DEGREE));
-    for (int k = 0; k < shape->levels; k++) {
-        const struct clipmap_window *own = &layout->windows[k];
-        double side_m = ldexp((m + 1) * row_step * DEGREE * WGS84_A, k);
-        scene->levels[k] = (struct scene_level){
-            .origin = {(int32_t)((int64_t)own->col0 * (1 << k) - base_col),
-                       (int32_t)((int64_t)own->row0 * (1 << k) - base_row), own->col0 & mask,
-                       own->row0 & mask},
-            .blend = {(float)clamped(ldexp(col, -k) - own->col0, half, LAG_POSTS),
-                      (float)clamped(ldexp(row, -k) - own->row0, half, LAG_POSTS),
-                      (float)(half - width - LAG_POSTS), (float)(1.0 / width)},
-            .fade = {k == finest ? fade : 0.0f,
-                     (float)(1.5 * side_m * side_m / (8.0 * WGS84_A) * bow + 1.0), (float)(n - 1),
-                     (float)k},
-        };
+    double normal[3], ends[CLIPMAP_MAX_LEVELS], step_rad = clipmap_step_rad(shape, 0);
+    struct clipmap_cap caps[CLIPMAP_MAX_LEVELS];
+    double shortest = 1.0; /* of what is drawn of the levels, as a share of their reach */
+    int finest = shape->levels - 1;
+    cube_normal_from_geodetic(view->eye.lat_deg, view->eye.lon_deg, normal);
+    for (int p = 0; p < CLIPMAP_PANES; p++) {
+        double axes[3][3];
+        cube_axes(p, axes);
+        const double *c = axes[0];
+        bool same = normal[0] * c[0] + normal[1] * c[1] + normal[2] * c[2] >= 0.0;
+        set_pane(view, same ? p : p + CUBE_FACES / 2, 0.5 * step_rad, &scene->panes[p]);
     }
+    set_edges(scene);
+    for (int level = 0; level < shape->levels; level++)
+        caps[level] = levels[level].cap;
+    clipmap_ends(shape, caps, normal, ends);
+    for (int level = shape->levels - 1; level >= 0; level--) {
+        double start = (1.0 - CLIPMAP_BLEND) * ends[level];
+        if (level == shape->levels - 1)
+            start = 4.0; /* beyond all chords: there is nothing coarser */
+        float *ret = scene->levels[level];
+        ret[0] = (float)ends[level];
+        ret[1] = (float)start;
+        ret[2] = (float)(1.0 / fmax(RAMP_END * ends[level] - start, 1e-12));
+        struct clipmap_reach reach = clipmap_reach(shape, level, normal);
+        ret[3] = (float)reach.block;
+        if (ends[level] > 0.0 && level < shape->levels - 1)
+            shortest = fmin(shortest, ends[level] / reach.end);
+        finest = ends[level] > 0.0 ? level : finest;
+        for (int p = 0; p < CLIPMAP_PANES; p++)
+            set_window(scene, p, &levels[level].panes[p],
+                       scene->windows[CLIPMAP_PANES * level + p]);
+    }
+    scene->eye_rest[1] = (float)(1.0 / (shortest * clipmap_reach(shape, 0, normal).end));
+    scene->eye_rest[2] = (float)(1.0 / CLIPMAP_BLEND);
+    scene->sizes[0] = clipmap_storage(shape);
+    scene->sizes[1] = 2 * clipmap_cells(shape, 0);
+    scene->sizes[2] = finest;
+    scene->sizes[3] = shape->levels - 1;
+    scene->grid[0] = (float)(0.5 * step_rad);
+    scene->grid[1] = (float)(fmax(nearest_m, 0.0) / WGS84_A);
+    scene->grid[2] = (float)(pixel_rad / (step_rad * WGS84_A));
+    return finest;
 }

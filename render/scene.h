@@ -5,12 +5,13 @@
 #include <stdint.h>
 
 #include "render/view.h"
-#include "terrain/clipmap.h"
+#include "terrain/loader.h"
 
-struct scene_level {
+struct scene_pane {
+    float along_xi[4], along_eta[4];
+    float axes[3][4]; /* columns */
+    float base[4];
     int32_t origin[4];
-    float blend[4];
-    float fade[4];
 };
 
 struct scene_block {
@@ -18,28 +19,30 @@ struct scene_block {
     float planes[4][4];
     float eye_trig[4];
     float grid[4];
-    float eye_texture[4];
+    float eye_rest[4];
     float sun[4];
     float haze[4];
-    float view_rays[2][4];
+    float view_rays[4];
     float enu_from_eye[16];
-    int32_t base[4];
-    float blend[4];
-    struct scene_level levels[CLIPMAP_MAX_LEVELS];
+    int32_t sizes[4];
+    struct scene_pane panes[CLIPMAP_PANES];
+    int32_t edges[4 * CLIPMAP_PANES][4];
+    float levels[CLIPMAP_MAX_LEVELS][4];
+    int32_t windows[CLIPMAP_PANES * CLIPMAP_MAX_LEVELS][4];
 };
 
-_Static_assert(sizeof(struct scene_level) == 48, "std140 stride of Level");
-_Static_assert(offsetof(struct scene_block, planes) == 64, "std140");
+_Static_assert(sizeof(struct scene_pane) == 112, "std140 stride of Pane");
 _Static_assert(offsetof(struct scene_block, eye_trig) == 128, "std140");
-_Static_assert(offsetof(struct scene_block, view_rays) == 208, "std140");
-_Static_assert(offsetof(struct scene_block, enu_from_eye) == 240, "std140");
-_Static_assert(offsetof(struct scene_block, levels) == 336, "std140");
+_Static_assert(offsetof(struct scene_block, enu_from_eye) == 224, "std140");
+_Static_assert(offsetof(struct scene_block, panes) == 304, "std140");
+_Static_assert(offsetof(struct scene_block, levels) == 832, "std140");
 
-/* Fills everything but the levels. */
+/* Fills everything but what the next call does. */
 void scene_set_view(const struct view *view, struct scene_block *ret_scene);
 
-/* Fills the levels and the grid's place: `finest` is the first level drawn, `fade` its least blend
- * into the next, `pixel_rad` the angle of a pixel at the centre of the view. */
-void scene_set_levels(const struct view *view, const struct clipmap_shape *shape,
-                      const struct clipmap_layout *layout, int finest, float fade, double pixel_rad,
-                      struct scene_block *ret_scene);
+/* Where the eye is on the clipmap: `levels` is what is held, `nearest_m` how far the nearest ground
+ * is, `pixel_rad` the angle of a pixel at the centre of the view. Returns the finest level that can
+ * be drawn. */
+int scene_set_levels(const struct view *view, const struct clipmap_shape *shape,
+                     const struct loader_level *levels, double nearest_m, double pixel_rad,
+                     struct scene_block *ret_scene);

@@ -1,102 +1,116 @@
-/* The arithmetic of a geometry clipmap: where the windows lie, which blocks tile them.
+/* The arithmetic of the clipmap: how far each level reaches, and which posts it has to hold.
  *
- * Level k is an n x n window of posts whose spacing is 2^k times that of level 0; n = 4m + 3.
- * A post's address is an integer (row, col) in units of its level's spacing, counted from the
- * equator and from Greenwich. A window's origin is even, so that its rim falls on posts of the next
- * coarser level, and it lies in the hole of the coarser ring shifted by 0 or 1 coarse cells; the
- * L block fills what the shift leaves over (Asirvatham and Hoppe 2005; Song et al. 2016, fig. 1).
- */
+ * The posts of level 0 are those of a grid of 2^depth cells a side on every face of the cube
+ * (geo/cube.h); level k has every 2^k-th of them. A level is drawn around the eye, in blocks, up to
+ * a distance that doubles from level to level. Distances are chords: |n - n0| of unit normals, near
+ * enough to metres divided by the Earth's radius. docs/decisions/0013-cube.md.
+ *
+ * Of two opposite faces at most one is near the eye; what a level holds of a face is a pane, and
+ * there are three. */
 #pragma once
 
 #include <stdbool.h>
 #include <stdint.h>
 
 #define CLIPMAP_MAX_LEVELS 20
-#define CLIPMAP_MAX_BLOCKS 43 /* a level: the number of control points in Song et al., table 1 */
+#define CLIPMAP_MAX_DEPTH  26
+#define CLIPMAP_PANES      3
+#define CLIPMAP_BEYOND     2 /* posts that are held beyond the edges of a face, for slopes there */
 
 struct clipmap_shape {
-    int n;           /* posts along a window's side: 4m + 3 with n + 1 a power of two */
-    int levels;      /* 1 .. CLIPMAP_MAX_LEVELS */
-    double step_deg; /* latitude spacing of level 0 */
+    int radius; /* posts from the eye to where a level ends: at least 32, and at least 8 blocks; a
+                   power of two */
+    int block;  /* cells along an edge of a block: a power of two */
+    int levels; /* 1 .. CLIPMAP_MAX_LEVELS */
+    int depth;  /* the coarsest level has 4 * radius cells along a face: clipmap_depth(); at most 26
+                 */
 };
 
-/* The width of an M block in cells. */
-static inline int clipmap_m(const struct clipmap_shape *shape)
-{
-    return (shape->n - 3) / 4;
-}
+/* As fine as a source's posts (degrees of latitude), at least 1.6 m; levels up to the one that has
+ * 4 * radius cells along a face: it can be held as far as the horizon of an eye at 400 km. */
+struct clipmap_shape clipmap_shape(int radius, int block, double finest_step_deg);
 
-/* The side of a level's toroidal storage in posts: post (r, c) lies at (r & mask, c & mask). */
+/* The side of a pane's toroidal storage in posts: post (row, col) lies at (row & mask, col & mask).
+ */
 static inline int clipmap_storage(const struct clipmap_shape *shape)
 {
-    return shape->n + 1;
+    return 4 * shape->radius;
 }
 
-struct clipmap_window {
-    int32_t row0, col0; /* south-west post, in units of the level's spacing */
+/* Blocks along the side of that storage. */
+static inline int clipmap_table(const struct clipmap_shape *shape)
+{
+    return clipmap_storage(shape) / shape->block;
+}
+
+/* Cells of a level along an edge of a face. */
+static inline int32_t clipmap_cells(const struct clipmap_shape *shape, int level)
+{
+    return (int32_t)1 << (shape->depth - level);
+}
+
+/* The angle (rad) between posts of a level. */
+double clipmap_step_rad(const struct clipmap_shape *shape, int level);
+
+/* How a level is drawn about an eye at a place. Chords. */
+struct clipmap_reach {
+    double end;   /* from here on the next level is drawn */
+    double block; /* no point of a block is farther from its middle */
+    double cap;   /* what the level has to hold for that while the eye is as far as `lag` from it */
+    double lag;
 };
 
-/* One consistent placing of all windows. */
-struct clipmap_layout {
-    double lon_factor; /* longitude spacing / latitude spacing: a power of the fourth root of 2 */
-    struct clipmap_window windows[CLIPMAP_MAX_LEVELS];
+struct clipmap_reach clipmap_reach(const struct clipmap_shape *shape, int level,
+                                   const double normal[3]);
+
+/* What a level holds: all posts within `radius` of a place; 0: none. */
+struct clipmap_cap {
+    double normal[3];
+    double radius;
 };
 
-/* The longitude spacing that keeps cells within a tenth of square at this latitude, in bands:
- * windows then reach as far east as north, and a frame costs the same whichever way it looks. Stays
- * with `current` (0 = none) within half a degree of a change, so that flying along a band's edge
- * does not reload the clipmap. */
-double clipmap_lon_factor(double lat_deg, double current);
+/* How far each level can be drawn with what is held: ends of all levels, at most clipmap_reach()'s,
+ * such that blocks of neighbouring sizes differ by one level and that on an edge between two levels
+ * the coarser one is not blended yet. 0: not at all. The coarsest level is drawn as far as it is
+ * held. */
+void clipmap_ends(const struct clipmap_shape *shape, const struct clipmap_cap *caps,
+                  const double normal[3], double *ret_ends);
 
-/* Places every window about the eye. `lon_deg` may be beyond 180 (see longitude_unwrapped_deg). */
-void clipmap_place(const struct clipmap_shape *shape, double lat_deg, double lon_deg,
-                   double lon_factor, struct clipmap_layout *ret_layout);
+/* Over the last part of its reach a level is blended into the next. */
+#define CLIPMAP_BLEND 0.25
 
-/* `lon_deg` moved by whole turns to within half a turn of `near_deg`, so that crossing the
- * antimeridian moves the windows by a step and not around the Earth. */
-double longitude_unwrapped_deg(double lon_deg, double near_deg);
-
-/* A rectangle of posts in units of a level's spacing. */
+/* A rectangle of posts in units of a level's spacing; empty where rows or cols is 0. */
 struct clipmap_rect {
     int32_t row0, col0;
     int rows, cols;
 };
 
-/* What a window of `side` x `side` posts at `to` holds that it did not at `from`: 0, 1 or 2
- * rectangles. */
-int clipmap_uncovered(int side, struct clipmap_window from, struct clipmap_window to,
-                      struct clipmap_rect ret_rects[2]);
-
-enum clipmap_edge {
-    CLIPMAP_WEST = 1 << 0,
-    CLIPMAP_SOUTH = 1 << 1,
-    CLIPMAP_EAST = 1 << 2,
-    CLIPMAP_NORTH = 1 << 3,
+/* The part of a level on one face. */
+struct clipmap_pane {
+    int face;
+    struct clipmap_rect posts;
 };
 
-/* A rectangle of cells of one level, drawn as one tessellated patch (or `instances` squared of
- * them where the hardware's 64 segments do not suffice). */
-struct clipmap_block {
-    int16_t col, row;   /* of its south-west post, in cells from the window's origin */
-    int16_t cols, rows; /* cells */
-    uint8_t doubled;    /* enum clipmap_edge: edges shared with the finer level */
-};
+/* The panes that a cap needs; those of faces 0 and 3, 1 and 4, 2 and 5. Their posts fit into the
+ * storage. */
+void clipmap_panes(const struct clipmap_shape *shape, int level, const struct clipmap_cap *cap,
+                   struct clipmap_pane ret_panes[CLIPMAP_PANES]);
 
-/* Into how many pieces a side of a block is cut by instancing, so that no piece of an M block
- * is wider than 16 cells and a level needs no more than CLIPMAP_MAX_BLOCKS blocks: 1 up to n = 63,
- * 2 at 127, 4 at 255, 8 at 511. */
-int clipmap_instances(const struct clipmap_shape *shape);
+/* Those of one face that a cap needs; of any length. */
+struct clipmap_rect clipmap_cap_posts(const struct clipmap_shape *shape, int level, int face,
+                                      const struct clipmap_cap *cap);
 
-/* The blocks of `level`: twelve M, four R and the L in three parts where `hole` (a finer level is
- * drawn inside), else M, R and four blocks that fill the inside; longer ones split. Returns their
- * number, at most CLIPMAP_MAX_BLOCKS. */
-int clipmap_blocks(const struct clipmap_shape *shape, const struct clipmap_layout *layout,
-                   int level, bool hole, struct clipmap_block *ret_blocks);
+/* What `to` holds that `from` does not: 0 to 4 rectangles. */
+int clipmap_uncovered(struct clipmap_rect from, struct clipmap_rect to,
+                      struct clipmap_rect ret_rects[4]);
 
-/* Evaluation-shader vertices that one block emits, as the tessellator counts them. */
-int clipmap_block_vertices(const struct clipmap_block *block);
+/* The part that two rectangles have in common; empty (rows and cols 0) where there is none. */
+struct clipmap_rect clipmap_common(struct clipmap_rect a, struct clipmap_rect b);
 
-/* The finest level worth drawing for an eye `height_m` above the ground, and how far it has to be
- * faded into the next one (0 .. 1): a level goes when its cells look smaller from above than the
- * next level's cells do at that level's own rim. */
-int clipmap_finest_level(const struct clipmap_shape *shape, double height_m, float *ret_fade);
+/* Whether that is all that a level can use for an eye at a place. */
+bool clipmap_holds(const struct clipmap_shape *shape, int level, const struct clipmap_cap *cap,
+                   const double normal[3]);
+
+/* The finest level that is drawn from `height_m` above the ground. */
+int clipmap_finest_level(const struct clipmap_shape *shape, const double normal[3],
+                         double height_m);

@@ -146,7 +146,7 @@ static int source_share(struct terrain_source *source, struct terrain_source **r
 }
 
 static const struct terrain_source_ops database_source_ops = {
-    .sample_grid = database_source_sample_grid,
+    .sample = database_source_sample,
     .sample_point = database_source_sample_point,
     .facts = source_facts,
     .destroy = source_destroy,

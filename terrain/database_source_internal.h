@@ -39,8 +39,8 @@ static inline struct database_source *database_source_of(struct terrain_source *
 }
 
 /* As struct terrain_source_ops has them. */
-int database_source_sample_grid(struct terrain_source *source, const struct terrain_grid *grid,
-                                float *ret_height_m);
+int database_source_sample(struct terrain_source *source, const struct terrain_places *places,
+                           float *ret_height_m);
 int database_source_sample_point(struct terrain_source *source, double lat_deg, double lon_deg,
                                  double *ret_height_m);
-void database_source_prefetch(struct terrain_source *source, const struct terrain_grid *grid);
+void database_source_prefetch(struct terrain_source *source, const struct terrain_places *places);

@@ -42,8 +42,8 @@ struct dig_ground {
 
 /* Puts dug heights in place of those that were sampled from the database. Returns true where some
  * are coarser than they will be. */
-bool dig_sample_grid(struct dig *dig, const struct dig_ground *ground,
-                     const struct terrain_grid *grid, float *heights_m);
+bool dig_sample(struct dig *dig, const struct dig_ground *ground,
+                const struct terrain_places *places, float *heights_m);
 
 /* Dug ground at a place: a cell of the finest level there. */
 struct dig_cell {

@@ -10,6 +10,26 @@
 #define HORIZON_M         900e3
 #define VIEW_RAD          1.047 /* 60 degrees */
 
+static double band_factor(double lat_deg)
+{
+    double cosine = cos(fmin(fabs(lat_deg), 88.0) * M_PI / 180.0);
+    return exp2(0.25 * round(-4.0 * log2(cosine)));
+}
+
+double image_clipmap_lon_factor(double lat_deg, double current)
+{
+    const double hysteresis_deg = 0.5;
+    if (current == band_factor(fabs(lat_deg) - hysteresis_deg) ||
+        current == band_factor(fabs(lat_deg) + hysteresis_deg))
+        return current;
+    return band_factor(lat_deg);
+}
+
+double longitude_unwrapped_deg(double lon_deg, double near_deg)
+{
+    return lon_deg + 360.0 * floor((near_deg - lon_deg) / 360.0 + 0.5);
+}
+
 struct image_shape image_clipmap_shape(double texel_deg, int width_px)
 {
     struct image_shape shape = {.side = SIDE_MIN, .step_deg = 0.5 * texel_deg};

@@ -13,6 +13,15 @@
 
 #define IMAGE_CLIPMAP_LEVELS_MAX 20
 
+/* The longitude spacing over the latitude spacing that keeps texels within a tenth of square at
+ * this latitude, in bands. Stays with `current` (0 = none) within half a degree of a change, so
+ * that flying along a band's edge does not reload the images. */
+double image_clipmap_lon_factor(double lat_deg, double current);
+
+/* `lon_deg` moved by whole turns to within half a turn of `near_deg`, so that crossing the
+ * antimeridian moves the windows by a step and not around the Earth. */
+double longitude_unwrapped_deg(double lon_deg, double near_deg);
+
 struct image_shape {
     int side;        /* texels: a power of two */
     int levels;      /* 1 .. IMAGE_CLIPMAP_LEVELS_MAX */

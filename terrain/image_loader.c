@@ -167,7 +167,7 @@ static bool start_filling(struct image_loader *loader, const struct wish *wish)
     const struct image_shape *shape = &loader->params.shape;
     for (int level = shape->levels - 1; level >= wish->finest; level--) {
         const struct image_window *window = &loader->layout.windows[level];
-        double lon_factor = clipmap_lon_factor(wish->lat_deg, window->lon_factor);
+        double lon_factor = image_clipmap_lon_factor(wish->lat_deg, window->lon_factor);
         if (lon_factor == window->lon_factor && is_near(loader, level, window, wish))
             continue;
         struct image_window near = {.lon_factor = lon_factor};

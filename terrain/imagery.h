@@ -16,6 +16,16 @@
 
 struct imagery;
 
+/* Posts at latitude (row0 + r) * lat_step_deg, r = 0 .. rows - 1, and longitude
+ * (col0 + c) * lon_step_deg, c = 0 .. cols - 1. Rows run northwards. Longitude is not reduced: a
+ * grid may run across the antimeridian (col * step beyond 180); latitudes beyond the poles ask for
+ * the pole. */
+struct terrain_grid {
+    double lat_step_deg, lon_step_deg;
+    int64_t row0, col0;
+    int rows, cols;
+};
+
 /* Opens a database, keeping at most `cache_tiles` tiles (256 KiB each; at least 8). One without
  * imagery can be opened, too: all is transparent. Failures as database_open. */
 int imagery_open(const char *path, unsigned cache_tiles, struct imagery **ret_imagery,

@@ -1,28 +1,31 @@
 #include "terrain/level_store.h"
 
+#include <assert.h>
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
 
-int level_store_init(struct level_store *store, const struct clipmap_shape *shape, int level)
+#include "geo/cube.h"
+
+#define MEAN_RADIUS_M                                                                              \
+    6.3675e6             /* of curvature; within 0.7 % of it everywhere, as slopes need it         \
+                          */
+#define COLUMNS_MAX 2048 /* of the largest storage */
+
+int level_store_ready(struct level_store *store)
 {
-    size_t side = 2 * (size_t)clipmap_storage(shape);
-    size_t squares = (size_t)level_squares(shape) * (size_t)level_squares(shape);
-    *store = (struct level_store){
-        .shape = shape,
-        .level = level,
-        .height_m = calloc(side * side, sizeof(*store->height_m)),
-        .water = calloc(side * side, sizeof(*store->water)),
-        .bounds = calloc(squares, sizeof(*store->bounds)),
-    };
-    return store->height_m && store->water && store->bounds ? 0 : -ENOMEM;
+    size_t side = 2 * (size_t)clipmap_storage(store->shape);
+    if (!store->height_m)
+        store->height_m = calloc(side * side, sizeof(*store->height_m));
+    if (!store->water)
+        store->water = calloc(side * side, sizeof(*store->water));
+    return store->height_m && store->water ? 0 : -ENOMEM;
 }
 
 void level_store_finish(struct level_store *store)
 {
     free(store->height_m);
     free(store->water);
-    free(store->bounds);
     *store = (struct level_store){0};
 }
 
@@ -32,51 +35,18 @@ static size_t index_of(const struct level_store *store, int32_t half_row, int32_
     return (size_t)((uint32_t)half_row & mask) * side + ((uint32_t)half_col & mask);
 }
 
-static double half_step_deg(const struct level_store *store)
+/* The angle (rad) of a half-post along its face. */
+static double angle_of(const struct level_store *store, int32_t half_post)
 {
-    return ldexp(store->shape->step_deg, store->level - 1);
+    return half_post * (0.5 * clipmap_step_rad(store->shape, store->level)) - M_PI / 4.0;
 }
 
-struct terrain_grid level_store_grid(const struct level_store *store, struct clipmap_rect rect)
+struct clipmap_rect level_store_half_posts(struct clipmap_rect posts)
 {
-    double step = half_step_deg(store);
-    return (struct terrain_grid){
-        .lat_step_deg = step,
-        .lon_step_deg = step * store->lon_factor,
-        .row0 = rect.row0,
-        .col0 = rect.col0,
-        .rows = rect.rows,
-        .cols = rect.cols,
-    };
-}
-
-bool level_store_put(struct level_store *store, struct clipmap_rect rect, const float *altitude_m,
-                     const float *undulation_m, const bool *water)
-{
-    bool changed = false;
-    for (int r = 0; r < rect.rows; r++) {
-        for (int c = 0; c < rect.cols; c++) {
-            size_t at = index_of(store, rect.row0 + r, rect.col0 + c);
-            size_t from = (size_t)r * (size_t)rect.cols + (size_t)c;
-            float height_m = altitude_m[from] + undulation_m[from];
-            changed |= store->height_m[at] != height_m || store->water[at] != water[from];
-            store->height_m[at] = height_m;
-            store->water[at] = water[from];
-        }
-    }
-    return changed;
-}
-
-struct clipmap_rect level_store_grown(const struct level_store *store, struct clipmap_rect rect)
-{
-    int32_t row0 = 2 * store->window.row0, col0 = 2 * store->window.col0;
-    int side = level_half_posts(store->shape);
-    int32_t south = rect.row0 > row0 ? rect.row0 - 1 : rect.row0;
-    int32_t west = rect.col0 > col0 ? rect.col0 - 1 : rect.col0;
-    int32_t north = rect.row0 + rect.rows, east = rect.col0 + rect.cols;
-    north = north < row0 + side ? north + 1 : north;
-    east = east < col0 + side ? east + 1 : east;
-    return (struct clipmap_rect){south, west, north - south, east - west};
+    if (posts.rows == 0 || posts.cols == 0)
+        return (struct clipmap_rect){0};
+    return (struct clipmap_rect){2 * posts.row0, 2 * posts.col0, 2 * posts.rows - 1,
+                                 2 * posts.cols - 1};
 }
 
 /* Half of x, rounded up. */
@@ -92,17 +62,69 @@ struct clipmap_rect level_store_posts(struct clipmap_rect rect)
                                  half_up(rect.col0 + rect.cols) - west};
 }
 
-/* The slope across one axis: central where both neighbours are in the window, else one-sided. */
-static float slope(const struct level_store *store, int32_t row, int32_t col, int dr, int dc,
-                   float per_step)
+/* The tangents of the angles of so many half-posts. */
+static void tangents_of(const struct level_store *store, int32_t first, int count,
+                        double ret_tangents[COLUMNS_MAX])
 {
-    int32_t row0 = 2 * store->window.row0, col0 = 2 * store->window.col0;
-    int32_t last = level_half_posts(store->shape) - 1;
-    int back = row - dr >= row0 && col - dc >= col0;
-    int ahead = row + dr <= row0 + last && col + dc <= col0 + last;
+    assert(count <= COLUMNS_MAX);
+    for (int i = 0; i < count; i++)
+        ret_tangents[i] = tan(angle_of(store, first + i));
+}
+
+void level_store_places(const struct level_store *store, struct clipmap_rect rect,
+                        double *ret_lat_deg, double *ret_lon_deg)
+{
+    double axes[3][3], normal[3], u[COLUMNS_MAX];
+    cube_axes(store->pane.face, axes);
+    tangents_of(store, rect.col0, rect.cols, u);
+    for (int r = 0; r < rect.rows; r++) {
+        double w = tan(angle_of(store, rect.row0 + r));
+        for (int c = 0; c < rect.cols; c++) {
+            for (int i = 0; i < 3; i++) /* of any length */
+                normal[i] = axes[0][i] + u[c] * axes[1][i] + w * axes[2][i];
+            cube_geodetic_from_normal(normal, ret_lat_deg++, ret_lon_deg++);
+        }
+    }
+}
+
+bool level_store_put(struct level_store *store, struct clipmap_rect rect, const float *altitude_m,
+                     const float *undulation_m, const bool *water)
+{
+    bool changed = false;
+    for (int r = 0; r < rect.rows; r++) {
+        for (int c = 0; c < rect.cols; c++) {
+            size_t from = (size_t)r * (size_t)rect.cols + (size_t)c;
+            size_t at = index_of(store, rect.row0 + r, rect.col0 + c);
+            float height_m = altitude_m[from] + undulation_m[from];
+            changed |= store->height_m[at] != height_m || store->water[at] != water[from];
+            store->height_m[at] = height_m;
+            store->water[at] = water[from];
+        }
+    }
+    return changed;
+}
+
+float level_store_height_m(const struct level_store *store, int32_t row, int32_t col)
+{
+    return store->height_m[index_of(store, 2 * row, 2 * col)];
+}
+
+struct clipmap_rect level_store_grown(const struct level_store *store, struct clipmap_rect rect)
+{
+    struct clipmap_rect grown = {rect.row0 - 1, rect.col0 - 1, rect.rows + 2, rect.cols + 2};
+    return clipmap_common(grown, level_store_half_posts(store->pane.posts));
+}
+
+/* The height's change per half-post along one axis: central where both neighbours are in the
+ * window, else one-sided. */
+static float rise(const struct level_store *store, const struct clipmap_rect *window, int32_t row,
+                  int32_t col, int dr, int dc)
+{
+    int back = row - dr >= window->row0 && col - dc >= window->col0;
+    int ahead = row + dr < window->row0 + window->rows && col + dc < window->col0 + window->cols;
     float a = store->height_m[index_of(store, row - back * dr, col - back * dc)];
     float b = store->height_m[index_of(store, row + ahead * dr, col + ahead * dc)];
-    return (b - a) * per_step / (float)(back + ahead);
+    return (b - a) / (float)(back + ahead);
 }
 
 /* As loader.h has it. */
@@ -112,32 +134,47 @@ static uint8_t slope_code(float slope)
     return (uint8_t)(128.5f + copysignf(code, slope));
 }
 
+/* The lines of a face's grid meet at an angle whose cosine is -u w / sqrt((1 + u^2) (1 + w^2)),
+ * with u and w the tangents of xi and eta. */
 void level_store_export_surfaces(const struct level_store *store, struct clipmap_rect rect,
                                  struct loader_surface *ret_surfaces)
 {
-    const double a = 6378137.0, e2 = 6.69437999014e-3; /* WGS84 */
-    double step_rad = half_step_deg(store) * M_PI / 180.0;
+    const struct clipmap_rect window = level_store_half_posts(store->pane.posts);
+    double tangents[COLUMNS_MAX];
+    tangents_of(store, rect.col0, rect.cols, tangents);
+    float per_step = (float)(2.0 / (MEAN_RADIUS_M * clipmap_step_rad(store->shape, store->level)));
     for (int r = 0; r < rect.rows; r++) {
         int32_t row = rect.row0 + r;
-        double lat = fmin(fabs(row * step_rad), 89.5 * M_PI / 180.0);
-        double w2 = 1.0 - e2 * sin(lat) * sin(lat), w = sqrt(w2);
-        float per_row = (float)(1.0 / (a * (1.0 - e2) / (w2 * w) * step_rad));
-        float per_col = (float)(1.0 / (a / w * cos(lat) * step_rad * store->lon_factor));
+        float w = (float)tan(angle_of(store, row)), up = 1.0f + w * w, root_up = sqrtf(up);
         for (int c = 0; c < rect.cols; c++) {
             int32_t col = rect.col0 + c;
-            size_t at = index_of(store, row, col);
+            float u = (float)tangents[c], across = 1.0f + u * u;
+            float r2 = across + w * w, root_across = sqrtf(across);
+            float along_xi =
+                rise(store, &window, row, col, 0, 1) * per_step * r2 / (across * root_up);
+            float along_eta =
+                rise(store, &window, row, col, 1, 0) * per_step * r2 / (up * root_across);
+            float square = (along_eta * root_across * root_up + along_xi * u * w) / sqrtf(r2);
             *ret_surfaces++ = (struct loader_surface){
-                .slope_east = slope_code(slope(store, row, col, 0, 1, per_col)),
-                .slope_north = slope_code(slope(store, row, col, 1, 0, per_row)),
-                .water = store->water[at] ? 255 : 0,
+                .slope_along = slope_code(along_xi),
+                .slope_across = slope_code(square),
+                .water = store->water[index_of(store, row, col)] ? 255 : 0,
             };
         }
     }
 }
 
+/* Whether the tessellator cuts a cell from its north-west to its south-east corner. */
+static bool is_falling(const struct clipmap_shape *shape, int32_t row, int32_t col)
+{
+    int32_t mask = shape->block - 1, half = shape->block / 2;
+    return ((row & mask) < half) != ((col & mask) < half);
+}
+
 /* A post's own height and the coarser level's there: linear between the coarser posts, with the
  * very operations that the evaluation shader uses where a coarser edge has the finer level's
- * vertices, so that both sides get the same bits. */
+ * vertices, so that both sides get the same bits. In the middle of a coarser cell it is on the
+ * diagonal along which the tessellator cuts it: towards the middle of its block. */
 static struct loader_height heights_of_post(const struct level_store *store,
                                             const struct level_store *coarser, int32_t row,
                                             int32_t col)
@@ -146,6 +183,11 @@ static struct loader_height heights_of_post(const struct level_store *store,
     height.coarser_m = height.own_m;
     if (coarser) {
         int32_t r0 = row >> 1, c0 = col >> 1, r1 = half_up(row), c1 = half_up(col);
+        if (r0 != r1 && c0 != c1 && is_falling(store->shape, r0, c0)) {
+            int32_t east = c0;
+            c0 = c1;
+            c1 = east;
+        }
         float a = coarser->height_m[index_of(coarser, 2 * r0, 2 * c0)];
         float b = coarser->height_m[index_of(coarser, 2 * r1, 2 * c1)];
         height.coarser_m = 0.5f * (a + b);
@@ -159,46 +201,4 @@ void level_store_export_heights(const struct level_store *store, const struct le
     for (int32_t row = rect.row0; row < rect.row0 + rect.rows; row++)
         for (int32_t col = rect.col0; col < rect.col0 + rect.cols; col++)
             *ret_heights++ = heights_of_post(store, coarser, row, col);
-}
-
-/* Of the posts (row0, col0) to (row1, col1), both included. */
-static struct loader_bounds bounds_of(const struct level_store *store,
-                                      const struct level_store *coarser, int32_t row0, int32_t col0,
-                                      int32_t row1, int32_t col1)
-{
-    struct loader_bounds bounds = {INFINITY, -INFINITY};
-    for (int32_t row = row0; row <= row1; row++) {
-        for (int32_t col = col0; col <= col1; col++) {
-            struct loader_height h = heights_of_post(store, coarser, row, col);
-            bounds.min_m = fminf(bounds.min_m, fminf(h.own_m, h.coarser_m));
-            bounds.max_m = fmaxf(bounds.max_m, fmaxf(h.own_m, h.coarser_m));
-        }
-    }
-    return bounds;
-}
-
-static int32_t clamped(int32_t x, int32_t low, int32_t high)
-{
-    return x < low ? low : x > high ? high : x;
-}
-
-void level_store_bound(struct level_store *store, const struct level_store *coarser,
-                       struct clipmap_rect rect)
-{
-    struct clipmap_window w = store->window;
-    int32_t last_row = w.row0 + store->shape->n - 1, last_col = w.col0 + store->shape->n - 1;
-    /* A post on the line between two squares belongs to both. */
-    int32_t south = (rect.row0 - 1) & ~(LEVEL_SQUARE - 1), north = rect.row0 + rect.rows;
-    int32_t west = (rect.col0 - 1) & ~(LEVEL_SQUARE - 1), east = rect.col0 + rect.cols;
-    for (int32_t row = south; row < north; row += LEVEL_SQUARE) {
-        for (int32_t col = west; col < east; col += LEVEL_SQUARE) {
-            if (row + LEVEL_SQUARE <= w.row0 || col + LEVEL_SQUARE <= w.col0 || row >= last_row ||
-                col >= last_col)
-                continue;
-            store->bounds[level_square_index(store->shape, row, col)] = bounds_of(
-                store, coarser, clamped(row, w.row0, last_row), clamped(col, w.col0, last_col),
-                clamped(row + LEVEL_SQUARE, w.row0, last_row),
-                clamped(col + LEVEL_SQUARE, w.col0, last_col));
-        }
-    }
 }

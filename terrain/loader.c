@@ -25,7 +25,7 @@
 
 struct wish {
     uint64_t number; /* 1, 2, ... */
-    double lat_deg, lon_deg;
+    struct geodetic eye;
     int finest;
     bool patient;
 };
@@ -39,7 +39,7 @@ struct loader {
 
     struct loader_update updates[LOADER_UPDATES];
     struct ring ready, free; /* of struct loader_update * */
-    struct latest wishes;
+    struct latest wishes, grounds;
     sem_t woken; /* a wish, tiles that arrived, or an update that came back */
     sem_t answered_or_ready;
     _Atomic uint64_t asked, answered;
@@ -97,71 +97,61 @@ static void sleep_until_woken(struct loader *loader)
         ;
 }
 
-/* A free update, waiting for one where all are with the renderer; NULL when stopping. */
+/* A free update, waiting for one where all are with the renderer; NULL when stopping. What else the
+ * thread was woken for meanwhile is looked at afterwards. */
 static struct loader_update *take_update(struct loader *loader)
 {
     struct loader_update *update = NULL;
-    while (!atomic_load(&loader->stopping) && !ring_take(&loader->free, &update))
+    bool slept = false;
+    while (!atomic_load(&loader->stopping) && !ring_take(&loader->free, &update)) {
         sleep_until_woken(loader);
-    return update;
-}
-
-static bool same_windows(const struct window_filler *filler, const struct clipmap_layout *layout)
-{
-    return filler->placed && filler->layout.lon_factor == layout->lon_factor &&
-           memcmp(filler->layout.windows, layout->windows, sizeof(layout->windows)) == 0;
-}
-
-static void place(const struct window_filler *filler, const struct wish *wish,
-                  struct clipmap_layout *ret_layout)
-{
-    double lon_deg = wish->lon_deg, current = 0.0;
-    if (filler->placed) {
-        current = filler->layout.lon_factor;
-        lon_deg = longitude_unwrapped_deg(lon_deg,
-                                          (filler->layout.windows[0].col0 + filler->shape.n / 2.0) *
-                                              filler->shape.step_deg * current);
+        slept = true;
     }
-    clipmap_place(&filler->shape, wish->lat_deg, lon_deg,
-                  clipmap_lon_factor(wish->lat_deg, current), ret_layout);
+    if (slept)
+        sem_post(&loader->woken);
+    return update;
 }
 
 /* Asks for the tiles that the eye's present motion will need. */
 static void look_ahead(struct loader *loader, const struct wish *wish)
 {
     struct terrain_source *source = loader->source;
-    double d_lat = wish->lat_deg - loader->last.lat_deg;
-    double d_lon =
-        longitude_unwrapped_deg(wish->lon_deg, loader->last.lon_deg) - loader->last.lon_deg;
+    double d_lat = wish->eye.lat_deg - loader->last.eye.lat_deg;
+    double d_lon = remainder(wish->eye.lon_deg - loader->last.eye.lon_deg, 360.0);
     bool moves = loader->last.number > 0 && fabs(d_lat) < JUMP_MAX_DEG &&
                  fabs(d_lon) < JUMP_MAX_DEG && (d_lat != 0.0 || d_lon != 0.0);
     if (!source->ops->focus)
         return;
-    source->ops->focus(source, wish->lat_deg + (moves ? AHEAD_NEAR * d_lat : 0.0),
-                       wish->lon_deg + (moves ? AHEAD_NEAR * d_lon : 0.0));
+    source->ops->focus(source, wish->eye.lat_deg + (moves ? AHEAD_NEAR * d_lat : 0.0),
+                       wish->eye.lon_deg + (moves ? AHEAD_NEAR * d_lon : 0.0));
     if (!moves || wish->number % AHEAD_EVERY != 0)
         return;
-    for (int ahead = AHEAD_NEAR; ahead <= AHEAD_FAR; ahead += AHEAD_FAR - AHEAD_NEAR)
-        window_filler_look_ahead(&loader->filler, wish->lat_deg + ahead * d_lat,
-                                 wish->lon_deg + ahead * d_lon);
+    for (int ahead = AHEAD_NEAR; ahead <= AHEAD_FAR; ahead += AHEAD_FAR - AHEAD_NEAR) {
+        struct filler_eye eye = {wish->eye.lat_deg + ahead * d_lat,
+                                 wish->eye.lon_deg + ahead * d_lon, wish->finest};
+        window_filler_look_ahead(&loader->filler, &eye);
+    }
 }
 
+/* Moves the levels, in as many updates as that takes. */
 static void answer(struct loader *loader, const struct wish *wish)
 {
     struct window_filler *filler = &loader->filler;
-    struct clipmap_layout layout;
-    place(filler, wish, &layout);
+    const struct filler_eye eye = {wish->eye.lat_deg, wish->eye.lon_deg, wish->finest};
     look_ahead(loader, wish);
     loader->last = *wish;
     filler->patient = wish->patient;
-    if (!same_windows(filler, &layout) || wish->finest != filler->finest) {
+    int r = 0;
+    while (r == 0 && window_filler_lags(filler, &eye)) {
         struct loader_update *update = take_update(loader);
         if (!update)
             return;
-        window_filler_move(filler, &layout, wish->finest, wish->lat_deg, wish->lon_deg, update);
+        r = window_filler_move(filler, &eye, update);
         publish_counts(loader);
         hand_over(loader, update);
     }
+    struct loader_ground ground = window_filler_ground(filler, &wish->eye);
+    latest_publish(&loader->grounds, &ground);
     atomic_store(&loader->answered, wish->number);
     sem_post(&loader->answered_or_ready);
 }
@@ -221,31 +211,25 @@ static void on_arrival(void *user)
     sem_post(&loader->woken);
 }
 
-/* Two strips of a level, each grown by one a side, overlap by a few rows and columns. */
-static size_t surfaces_most(const struct clipmap_shape *shape)
-{
-    size_t half_posts = (size_t)level_half_posts(shape) * (size_t)level_half_posts(shape);
-    return (size_t)shape->levels * (half_posts + 16 * (size_t)shape->n);
-}
-
 size_t loader_surfaces_offset(const struct clipmap_shape *shape)
 {
-    size_t bytes = surfaces_most(shape) / 2 * sizeof(struct loader_height);
+    size_t bytes = window_filler_half_posts(shape) * sizeof(struct loader_height);
     return (bytes + 255) / 256 * 256;
 }
 
 size_t loader_arena_bytes(const struct clipmap_shape *shape)
 {
-    return loader_surfaces_offset(shape) + surfaces_most(shape) * sizeof(struct loader_surface);
+    return loader_surfaces_offset(shape) +
+           window_filler_half_posts(shape) * sizeof(struct loader_surface);
 }
 
 static int allocate_updates(struct loader *loader, const struct clipmap_shape *shape,
                             void *const arenas[LOADER_UPDATES])
 {
-    size_t squares = (size_t)level_squares(shape) * (size_t)level_squares(shape);
     if (ring_init(&loader->ready, sizeof(struct loader_update *), LOADER_UPDATES) < 0 ||
         ring_init(&loader->free, sizeof(struct loader_update *), LOADER_UPDATES) < 0 ||
-        latest_init(&loader->wishes, sizeof(struct wish)) < 0)
+        latest_init(&loader->wishes, sizeof(struct wish)) < 0 ||
+        latest_init(&loader->grounds, sizeof(struct loader_ground)) < 0)
         return -ENOMEM;
     for (int i = 0; i < LOADER_UPDATES; i++) {
         struct loader_update *update = &loader->updates[i];
@@ -253,9 +237,6 @@ static int allocate_updates(struct loader *loader, const struct clipmap_shape *s
         update->slot = i;
         update->heights = (struct loader_height *)(void *)arena;
         update->surfaces = (struct loader_surface *)(void *)(arena + loader_surfaces_offset(shape));
-        update->bounds = calloc((size_t)shape->levels * squares, sizeof(*update->bounds));
-        if (!update->bounds)
-            return -ENOMEM;
         ring_put(&loader->free, &update);
     }
     return 0;
@@ -267,11 +248,10 @@ static void loader_free(struct loader *loader)
     terrain_source_destroy(loader->fallback);
     geoid_close(loader->geoid);
     window_filler_finish(&loader->filler);
-    for (int i = 0; i < LOADER_UPDATES; i++)
-        free(loader->updates[i].bounds);
     ring_finish(&loader->ready);
     ring_finish(&loader->free);
     latest_finish(&loader->wishes);
+    latest_finish(&loader->grounds);
     sem_destroy(&loader->woken);
     sem_destroy(&loader->answered_or_ready);
     free(loader);
@@ -292,8 +272,7 @@ static int start(struct loader *loader, const struct loader_params *params, stru
     if (r == 0)
         r = allocate_updates(loader, shape, params->arenas);
     if (r < 0)
-        return diag_set(diag, r, "no memory for %d clipmap levels of %d x %d posts", shape->levels,
-                        shape->n, shape->n);
+        return diag_set(diag, r, "no memory for %d clipmap levels", shape->levels);
     if (loader->source->ops->stream)
         r = loader->source->ops->stream(loader->source, on_arrival, loader, diag);
     if (r < 0)
@@ -339,17 +318,18 @@ void loader_stop(struct loader *loader)
     loader_free(loader);
 }
 
-void loader_wish(struct loader *loader, double lat_deg, double lon_deg, int finest, bool patient)
+void loader_wish(struct loader *loader, const struct geodetic *eye, int finest, bool patient)
 {
     uint64_t number = atomic_load_explicit(&loader->asked, memory_order_relaxed) + 1;
-    struct wish wish = {.number = number,
-                        .lat_deg = lat_deg,
-                        .lon_deg = lon_deg,
-                        .finest = finest,
-                        .patient = patient};
+    struct wish wish = {.number = number, .eye = *eye, .finest = finest, .patient = patient};
     latest_publish(&loader->wishes, &wish);
     atomic_store(&loader->asked, number);
     sem_post(&loader->woken);
+}
+
+bool loader_take_ground(struct loader *loader, struct loader_ground *ret_ground)
+{
+    return latest_take(&loader->grounds, ret_ground);
 }
 
 struct loader_update *loader_take(struct loader *loader)

@@ -1,8 +1,8 @@
-/* Keeps a clipmap filled: a thread that samples the terrain and hands the renderer whole updates.
+/* Keeps a clipmap filled: a thread that samples the terrain and hands the renderer updates.
  *
- * The render thread says where the eye is (a wish) and takes an update when one is ready; each
- * update moves all windows at once, so what is drawn is always consistent. At most LOADER_UPDATES
- * are under way; the loader works from the newest wish.
+ * The render thread says where the eye is (a wish) and takes an update when one is ready. An update
+ * brings some levels, coarser ones before finer ones, to a new place; each level is whole after
+ * every update. At most LOADER_UPDATES are under way; the loader works from the newest wish.
  *
  * The loader owns the terrain source and the geoid while it runs. Several loaders, one for each
  * channel of a process, have the same tiles by terrain_source_share(): each is given a source of
@@ -14,11 +14,12 @@
 #include <stdint.h>
 
 #include "base/diag.h"
+#include "geo/pose.h"
 #include "terrain/clipmap.h"
 #include "terrain/source.h"
 
 #define LOADER_UPDATES    3
-#define LOADER_MAX_STRIPS (3 * CLIPMAP_MAX_LEVELS)
+#define LOADER_MAX_STRIPS 120
 
 /* A post as the heights texture holds it: metres above the ellipsoid, this level's own and what the
  * next coarser level has at the same place (linear between its posts). */
@@ -26,43 +27,41 @@ struct loader_height {
     float own_m, coarser_m;
 };
 
-/* The ground as the surface texture holds it, twice as densely as the posts. A slope s (metres a
+/* The ground as the surface texture holds it, twice as densely as the posts. Slopes are along the
+ * direction in which xi grows on the post's face, and across it, to the left. A slope s (metres a
  * metre) is 128 + 127 sqrt(|s| / SURFACE_STEEPEST) with the sign of s: finest where land is flat.
  */
 #define SURFACE_STEEPEST 4.0f
 
 struct loader_surface {
-    uint8_t slope_east, slope_north;
+    uint8_t slope_along, slope_across;
     uint8_t water; /* 0 land .. 255 water */
     uint8_t unused;
 };
 
 /* What a level gained, to be copied into its toroidal storages; both rectangles row-major. */
 struct loader_strip {
-    int level;
+    int level, pane;
     struct clipmap_rect posts;      /* whose heights lie at heights + height_offset */
     struct clipmap_rect half_posts; /* at half the spacing: surfaces + surface_offset */
     size_t height_offset, surface_offset;
 };
 
-struct loader_bounds {
-    float min_m, max_m; /* both heights of every post of the block, above the ellipsoid */
+/* What is there of a level once an update's strips are. */
+struct loader_level {
+    struct clipmap_cap cap; /* all of it, on every face */
+    struct clipmap_pane panes[CLIPMAP_PANES];
 };
 
 struct loader_update {
     int slot; /* which arena */
-    struct clipmap_layout layout;
-    int finest;         /* the finest level that is filled */
-    float ground_m;     /* ellipsoidal height of the ground below that eye */
-    float undulation_m; /* of the geoid there */
-    bool late;          /* some of the windows is coarser than the source has it */
+    struct loader_level levels[CLIPMAP_MAX_LEVELS];
+    bool late; /* some of the terrain is coarser than the source has it */
     unsigned strip_count;
     struct loader_strip strips[LOADER_MAX_STRIPS];
     struct loader_height *heights; /* in the arena */
     struct loader_surface *surfaces;
     size_t height_count, surface_count; /* used */
-    /* Of the 8 x 8 cell squares of each level: level_square_index(). */
-    struct loader_bounds *bounds; /* [levels][squares][squares], owned by the loader */
 };
 
 struct loader_params {
@@ -77,7 +76,7 @@ struct loader_params {
     void *arenas[LOADER_UPDATES];
 };
 
-/* The size of one arena and where the surfaces begin in it. */
+/* The size of one arena, enough for a whole level, and where the surfaces begin in it. */
 size_t loader_arena_bytes(const struct clipmap_shape *shape);
 size_t loader_surfaces_offset(const struct clipmap_shape *shape);
 
@@ -91,7 +90,18 @@ void loader_stop(struct loader *loader);
 /* Says where the eye is and which level will be the finest. A patient wish is answered when the
  * source has everything; else what comes late is shown coarser at first, and further updates put it
  * right. Render thread; no lock. */
-void loader_wish(struct loader *loader, double lat_deg, double lon_deg, int finest, bool patient);
+void loader_wish(struct loader *loader, const struct geodetic *eye, int finest, bool patient);
+
+/* The ground at the eye of a wish. */
+struct loader_ground {
+    double nearest_m;   /* from the eye; 0 where it is below the ground */
+    float ground_m;     /* ellipsoidal height of the ground below the eye */
+    float undulation_m; /* of the geoid there */
+};
+
+/* That of the newest wish that was answered; false where there is none that is newer than the last
+ * time. Render thread; no lock. */
+bool loader_take_ground(struct loader *loader, struct loader_ground *ret_ground);
 
 /* The next update, or NULL where none is ready. It stays the caller's until given back. */
 struct loader_update *loader_take(struct loader *loader);

@@ -72,15 +72,6 @@ static struct row row_at(double y_cells)
     return row;
 }
 
-/* A step in cells. Steps of a power of two times 5 minutes, which levels have, become exact, so
- * that posts that levels share, and posts a whole turn apart, fall on the same bits. */
-static double cells_from_step(double step_deg)
-{
-    double cells = step_deg * PLANET_CELLS_PER_DEG, fine = cells * 65536.0;
-    double whole = nearbyint(fine);
-    return whole >= 1.0 && fabs(fine - whole) < 1e-9 * fine ? whole / 65536.0 : cells;
-}
-
 /* 0 <= result < PLANET_COLS */
 static double wrapped_cells(double x)
 {
@@ -94,7 +85,7 @@ struct batch {
     struct row row; /* the bands of all */
     double x_cells[PLANET_NOISE_POSTS], y_cells[PLANET_NOISE_POSTS];
     float pole[PLANET_NOISE_POSTS];
-    double spacing_x, spacing_y;
+    double spacing; /* in cells */
 };
 
 struct noise_sum {
@@ -109,8 +100,7 @@ static void add_band(const struct batch *batch, int which, struct noise_sum *sum
     float share = batch->row.share[which], wide = (float)(1.0 / narrow);
     for (int j = 0; j < batch->count; j++)
         x[j] = batch->x_cells[j] * narrow;
-    double spacing = fmax(batch->spacing_x * narrow, batch->spacing_y);
-    struct planet_noise_filter filter = planet_noise_filter_for(spacing);
+    struct planet_noise_filter filter = planet_noise_filter_for(batch->spacing);
     struct planet_noise noise;
     planet_noise_at(x, batch->y_cells, batch->count, band, &filter, &noise);
     for (int j = 0; j < batch->count; j++) {
@@ -164,10 +154,14 @@ static bool open_sea(const struct planet *p, double x_cells, double y_cells)
 static void sample_fine(const struct planet *p, const struct batch *batch, struct patches *patches,
                         float *ret_height_m)
 {
-    int sea = 0, count = batch->count;
-    while (sea < count && open_sea(p, batch->x_cells[sea], batch->y_cells[sea]))
-        ret_height_m[sea++] = 0.0f;
-    if (sea == count)
+    int land = 0, count = batch->count;
+    bool sea[PLANET_NOISE_POSTS];
+    for (int j = 0; j < count; j++) {
+        sea[j] = open_sea(p, batch->x_cells[j], batch->y_cells[j]);
+        ret_height_m[j] = 0.0f;
+        land += !sea[j];
+    }
+    if (land == 0)
         return;
     struct noise_sum sum;
     for (int j = 0; j < count; j++)
@@ -176,7 +170,8 @@ static void sample_fine(const struct planet *p, const struct batch *batch, struc
         if (batch->row.share[i] > 0.0f)
             add_band(batch, i, &sum);
     for (int j = 0; j < count; j++)
-        ret_height_m[j] = post_height_m(p, batch, &sum, j, patches);
+        if (!sea[j])
+            ret_height_m[j] = post_height_m(p, batch, &sum, j, patches);
 }
 
 /* Grids coarser than the planet's own: no noise, an averaged raster. */
@@ -214,34 +209,29 @@ static int mip_for(double spacing_cells)
     return mip;
 }
 
-static int planet_sample_grid(struct terrain_source *source, const struct terrain_grid *grid,
-                              float *ret_height_m)
+static int planet_sample(struct terrain_source *source, const struct terrain_places *places,
+                         float *ret_height_m)
 {
     const struct planet *p = (const struct planet *)source;
-    double step_y = cells_from_step(grid->lat_step_deg),
-           step_x = cells_from_step(grid->lon_step_deg);
-    if (!(step_y > 0.0) || !(step_x > 0.0) || !isfinite(step_y) || !isfinite(step_x))
+    struct batch batch = {.spacing = places->spacing_deg * PLANET_CELLS_PER_DEG};
+    if (!(batch.spacing > 0.0) || !isfinite(batch.spacing))
         return -EINVAL;
-    int mip = mip_for(step_y);
-    struct batch batch = {.spacing_x = step_x, .spacing_y = step_y};
+    int mip = mip_for(batch.spacing);
     struct patches patches = {PLANET_PATCH_EMPTY, PLANET_PATCH_EMPTY};
     float *heights_m = ret_height_m; /* where the batch begins */
-    for (int r = 0; r < grid->rows; r++) {
-        struct row row = row_at((double)(grid->row0 + r) * step_y + 90 * PLANET_CELLS_PER_DEG);
-        for (int c = 0; c < grid->cols; c++) {
-            int count = batch.count;
-            if (count == PLANET_NOISE_POSTS || (count > 0 && !same_bands(&batch.row, &row))) {
-                sample_batch(p, &batch, mip, &patches, heights_m);
-                heights_m += count;
-                count = 0;
-            }
-            batch.row = row;
-            batch.x_cells[count] =
-                wrapped_cells((double)(grid->col0 + c) * step_x + 180 * PLANET_CELLS_PER_DEG);
-            batch.y_cells[count] = row.y_cells;
-            batch.pole[count] = row.pole;
-            batch.count++;
+    for (int i = 0; i < places->count; i++) {
+        struct row row = row_at((places->lat_deg[i] + 90.0) * PLANET_CELLS_PER_DEG);
+        int count = batch.count;
+        if (count == PLANET_NOISE_POSTS || (count > 0 && !same_bands(&batch.row, &row))) {
+            sample_batch(p, &batch, mip, &patches, heights_m);
+            heights_m += count;
+            count = 0;
         }
+        batch.row = row;
+        batch.x_cells[count] = wrapped_cells((places->lon_deg[i] + 180.0) * PLANET_CELLS_PER_DEG);
+        batch.y_cells[count] = row.y_cells;
+        batch.pole[count] = row.pole;
+        batch.count++;
     }
     sample_batch(p, &batch, mip, &patches, heights_m);
     return 0;
@@ -252,15 +242,11 @@ static int planet_sample_point(struct terrain_source *source, double lat_deg, do
 {
     if (!(fabs(lat_deg) <= 90.0) || !(fabs(lon_deg) <= 1e6))
         return -EINVAL;
-    double y = lat_deg / FINEST_STEP_DEG, x = lon_deg / FINEST_STEP_DEG;
-    double row = floor(y), col = floor(x), v = y - row, u = x - col;
-    const struct terrain_grid grid = {
-        FINEST_STEP_DEG, FINEST_STEP_DEG, (int64_t)row, (int64_t)col, 2, 2};
-    float h[4];
-    int r = planet_sample_grid(source, &grid, h);
+    const struct terrain_places place = {&lat_deg, &lon_deg, 1, FINEST_STEP_DEG};
+    float height_m;
+    int r = planet_sample(source, &place, &height_m);
     if (r == 0)
-        *ret_height_m = (1.0 - v) * ((1.0 - u) * (double)h[0] + u * (double)h[1]) +
-                        v * ((1.0 - u) * (double)h[2] + u * (double)h[3]);
+        *ret_height_m = (double)height_m;
     return r;
 }
 
@@ -299,7 +285,7 @@ static int planet_share(struct terrain_source *source, struct terrain_source **r
 int planet_open(struct terrain_source **ret, struct diag *diag)
 {
     static const struct terrain_source_ops ops = {
-        .sample_grid = planet_sample_grid,
+        .sample = planet_sample,
         .sample_point = planet_sample_point,
         .facts = planet_facts,
         .destroy = planet_destroy,

@@ -7,6 +7,6 @@
 #include "terrain/source.h"
 
 /* Takes about 0.2 s and 35 MB of memory. Returns 0, -ENOMEM, or -EBADMSG where the grid in the
- * program does not decode. The source's sample_grid and sample_point return 0 for any finite
+ * program does not decode. The source's sample and sample_point return 0 for any finite
  * numbers, and -EINVAL for others; they never give NaN. */
 int planet_open(struct terrain_source **ret, struct diag *diag);

@@ -1,7 +1,7 @@
 /* Where heights come from: a database on disk, the embedded planet, or one over the other.
  *
- * A source answers rectangles of posts on any regular geographic grid, filtered to that grid's
- * spacing, so that the renderer's clipmap levels need not follow the source's own tiles. */
+ * A source answers for any places, filtered to a spacing, so that the renderer's clipmap levels
+ * need not follow the source's own tiles. */
 #pragma once
 
 #include <stdbool.h>
@@ -9,14 +9,12 @@
 
 #include "base/diag.h"
 
-/* Posts at latitude (row0 + r) * lat_step_deg, r = 0 .. rows - 1, and longitude
- * (col0 + c) * lon_step_deg, c = 0 .. cols - 1. Rows run northwards. Longitude is not reduced: a
- * grid may run across the antimeridian (col * step beyond 180); latitudes beyond the poles ask for
- * the pole's height. */
-struct terrain_grid {
-    double lat_step_deg, lon_step_deg;
-    int64_t row0, col0;
-    int rows, cols;
+/* Places that are asked for together; the nearer each is to the one before, the sooner it is found.
+ */
+struct terrain_places {
+    const double *lat_deg, *lon_deg; /* [count]; -90 .. 90, and any longitude that is finite */
+    int count;
+    double spacing_deg; /* of latitude: heights are filtered to posts so far apart */
 };
 
 struct terrain_facts {
@@ -49,12 +47,11 @@ struct terrain_counts {
 };
 
 struct terrain_source_ops {
-    /* Fills ret_height_m[rows][cols] with orthometric heights (metres above the EGM96 geoid);
-     * NaN where the source has none. Returns 0, -errno, or, once `stream` was
-     * called, TERRAIN_LATE; a tile that cannot be read is counted, not returned. Several threads
-     * may sample at once. */
-    int (*sample_grid)(struct terrain_source *source, const struct terrain_grid *grid,
-                       float *ret_height_m);
+    /* Fills ret_height_m[count] with orthometric heights (metres above the EGM96 geoid); NaN where
+     * the source has none. Returns 0, -errno, or, once `stream` was called, TERRAIN_LATE; a tile
+     * that cannot be read is counted, not returned. Several threads may sample at once. */
+    int (*sample)(struct terrain_source *source, const struct terrain_places *places,
+                  float *ret_height_m);
     /* The height of the finest surface at one place (bilinear between the four posts around it);
      * NaN where there is none. */
     int (*sample_point)(struct terrain_source *source, double lat_deg, double lon_deg,
@@ -69,8 +66,8 @@ struct terrain_source_ops {
                   struct diag *diag);
     /* Waits until what was late can be sampled. */
     void (*settle)(struct terrain_source *source);
-    /* Asks for what a grid will need; what is nearer to the focus comes first. */
-    void (*prefetch)(struct terrain_source *source, const struct terrain_grid *grid);
+    /* Asks for what places will need; what is nearer to the focus comes first. */
+    void (*prefetch)(struct terrain_source *source, const struct terrain_places *places);
     void (*focus)(struct terrain_source *source, double lat_deg, double lon_deg);
     void (*counts)(struct terrain_source *source, struct terrain_counts *ret_counts);
     /* Where heights have changed since the last call, or since it streams, `arrived` having told;
@@ -81,7 +78,7 @@ struct terrain_source_ops {
     int (*share)(struct terrain_source *source, struct terrain_source **ret_source);
 };
 
-/* Embedded first in each implementation. One thread at a time may use a source, but for sample_grid
+/* Embedded first in each implementation. One thread at a time may use a source, but for `sample`
  * and those that share it. */
 struct terrain_source {
     const struct terrain_source_ops *ops;

@@ -1,11 +1,12 @@
-/* The geoid on a grid of posts. */
+/* The geoid on half-posts of a clipmap level. */
 #pragma once
 
 #include "geo/geographic.h"
-#include "terrain/source.h"
+#include "terrain/level_store.h"
 
-/* Undulations (metres, of the geoid above the ellipsoid) of [rows][cols], at most 1200 columns; 0
- * where `geoid` is NULL. What a post gets depends on where it is alone, not on the rectangle. Any
- * thread. */
-void undulation_of_grid(struct geoid *geoid, const struct terrain_grid *grid,
-                        float *ret_undulation_m);
+/* Undulations (metres, of the geoid above the ellipsoid) of [rows][cols] half-posts, which lie at
+ * lat_deg and lon_deg; 0 where `geoid` is NULL. What a half-post gets depends on where it is alone,
+ * not on the rectangle. Any thread. */
+void undulation_of_half_posts(struct geoid *geoid, const struct level_store *store,
+                              struct clipmap_rect rect, const double *lat_deg,
+                              const double *lon_deg, float *ret_undulation_m);

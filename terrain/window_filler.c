@@ -7,23 +7,28 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "geo/cube.h"
 #include "terrain/ground.h"
+#include "terrain/nearest_ground.h"
 #include "terrain/undulation.h"
 
 #define LATE_SIDE     64 /* half-posts a side of what is sampled again by itself */
 #define REFRESH_PARTS (LOADER_MAX_STRIPS / 2) /* each may need a strip of the finer level, too */
 #define PATIENCE      100 /* times that a call waits; a cache may be too small for it */
 #define CHUNK_POSTS   (LATE_SIDE * LATE_SIDE) /* half-posts that a worker takes at a time */
+#define AHEAD_STRIDE  32  /* half-posts between those that are asked for ahead */
+#define MOVE_POSTS    2.0 /* that an eye goes before a level follows */
 
 /* A rectangle of half-posts of one level that is to be sampled. */
 struct filler_part {
-    int level;
+    int level, pane;
     struct clipmap_rect half_posts;
     atomic_bool late, changed; /* what came of it */
 };
 
 /* A chunk's, of one worker. */
 struct filler_scratch {
+    double lat_deg[CHUNK_POSTS], lon_deg[CHUNK_POSTS];
     float altitude_m[CHUNK_POSTS], fallback_m[CHUNK_POSTS], undulation_m[CHUNK_POSTS];
     bool water[CHUNK_POSTS];
 };
@@ -38,14 +43,20 @@ static int32_t greater(int32_t a, int32_t b)
     return a > b ? a : b;
 }
 
+size_t window_filler_half_posts(const struct clipmap_shape *shape)
+{
+    size_t side = 2 * (size_t)clipmap_storage(shape);
+    return side * side + side * side / 2; /* a cap on three faces is no larger */
+}
+
 int window_filler_init(struct window_filler *filler, const struct clipmap_shape *shape,
                        struct terrain_source *source, struct terrain_source *fallback,
                        struct geoid *geoid, unsigned jobs)
 {
-    size_t half_posts = (size_t)level_half_posts(shape) * (size_t)level_half_posts(shape);
     *filler = (struct window_filler){
         .shape = *shape, .source = source, .fallback = fallback, .geoid = geoid};
-    filler->late_capacity = (size_t)shape->levels * (4 + 4 * half_posts / (LATE_SIDE * LATE_SIDE));
+    size_t parts = 8 + 4 * window_filler_half_posts(shape) / (LATE_SIDE * LATE_SIDE);
+    filler->late_capacity = (size_t)shape->levels * parts;
     filler->late = malloc(filler->late_capacity * sizeof(*filler->late));
     if (!filler->late || crew_create(jobs, "otwd-sample", &filler->crew) < 0)
         return -ENOMEM;
@@ -53,15 +64,17 @@ int window_filler_init(struct window_filler *filler, const struct clipmap_shape 
     if (!filler->scratch)
         return -ENOMEM;
     for (int level = 0; level < shape->levels; level++)
-        if (level_store_init(&filler->stores[level], &filler->shape, level) < 0)
-            return -ENOMEM;
+        for (int pane = 0; pane < CLIPMAP_PANES; pane++)
+            filler->stores[level][pane] =
+                (struct level_store){.shape = &filler->shape, .level = level};
     return 0;
 }
 
 void window_filler_finish(struct window_filler *filler)
 {
     for (int level = 0; level < CLIPMAP_MAX_LEVELS; level++)
-        level_store_finish(&filler->stores[level]);
+        for (int pane = 0; pane < CLIPMAP_PANES; pane++)
+            level_store_finish(&filler->stores[level][pane]);
     crew_destroy(filler->crew);
     free(filler->scratch);
     free(filler->late);
@@ -69,34 +82,34 @@ void window_filler_finish(struct window_filler *filler)
 
 /* True where there are heights; *late is set where the source will have better ones. */
 static bool sample_source(const struct window_filler *filler, struct terrain_source *source,
-                          const struct terrain_grid *grid, float *ret_m, bool *late)
+                          const struct terrain_places *places, float *ret_m, bool *late)
 {
-    int r = source ? source->ops->sample_grid(source, grid, ret_m) : -ENOENT;
+    int r = source ? source->ops->sample(source, places, ret_m) : -ENOENT;
     for (int i = 0; r == TERRAIN_LATE && filler->patient && i < PATIENCE; i++) {
         if (filler->stopping && atomic_load(filler->stopping))
             break;
         source->ops->settle(source);
-        r = source->ops->sample_grid(source, grid, ret_m);
+        r = source->ops->sample(source, places, ret_m);
     }
     *late |= r == TERRAIN_LATE;
     return r >= 0;
 }
 
-static bool any_void_or_low(const float *altitude_m, size_t count)
+static bool any_void_or_low(const float *altitude_m, int count)
 {
-    for (size_t i = 0; i < count; i++)
+    for (int i = 0; i < count; i++)
         if (ground_asks_fallback(altitude_m[i]))
             return true;
     return false;
 }
 
 /* Puts the fallback's height (or 0) where the source has none, and finds the water. */
-static void settle_ground(const struct window_filler *filler, const struct terrain_grid *grid,
-                          size_t count, struct filler_scratch *scratch, bool *late)
+static void settle_ground(const struct window_filler *filler, const struct terrain_places *places,
+                          struct filler_scratch *scratch, bool *late)
 {
-    bool have = any_void_or_low(scratch->altitude_m, count) &&
-                sample_source(filler, filler->fallback, grid, scratch->fallback_m, late);
-    for (size_t i = 0; i < count; i++) {
+    bool have = any_void_or_low(scratch->altitude_m, places->count) &&
+                sample_source(filler, filler->fallback, places, scratch->fallback_m, late);
+    for (int i = 0; i < places->count; i++) {
         float altitude_m = scratch->altitude_m[i];
         if (isnan(altitude_m))
             altitude_m = have ? scratch->fallback_m[i] : 0.0f;
@@ -107,19 +120,36 @@ static void settle_ground(const struct window_filler *filler, const struct terra
     }
 }
 
+static double degrees_from(double rad)
+{
+    return rad * (180.0 / M_PI);
+}
+
+static struct terrain_places places_of(const struct level_store *store, struct clipmap_rect rect,
+                                       double *lat_deg, double *lon_deg)
+{
+    level_store_places(store, rect, lat_deg, lon_deg);
+    return (struct terrain_places){
+        .lat_deg = lat_deg,
+        .lon_deg = lon_deg,
+        .count = rect.rows * rect.cols,
+        .spacing_deg = degrees_from(0.5 * clipmap_step_rad(store->shape, store->level)),
+    };
+}
+
 /* Samples the ground of some rows of a part into its level. */
 static void sample_chunk(const struct window_filler *filler, struct filler_scratch *scratch,
                          struct level_store *store, struct clipmap_rect rect,
                          struct filler_part *part)
 {
-    struct terrain_grid grid = level_store_grid(store, rect);
-    size_t count = (size_t)rect.rows * (size_t)rect.cols;
+    struct terrain_places places = places_of(store, rect, scratch->lat_deg, scratch->lon_deg);
     bool late = false;
-    if (!sample_source(filler, filler->source, &grid, scratch->altitude_m, &late))
-        for (size_t i = 0; i < count; i++)
+    if (!sample_source(filler, filler->source, &places, scratch->altitude_m, &late))
+        for (int i = 0; i < places.count; i++)
             scratch->altitude_m[i] = NAN;
-    settle_ground(filler, &grid, count, scratch, &late);
-    undulation_of_grid(filler->geoid, &grid, scratch->undulation_m);
+    settle_ground(filler, &places, scratch, &late);
+    undulation_of_half_posts(filler->geoid, store, rect, places.lat_deg, places.lon_deg,
+                             scratch->undulation_m);
     if (level_store_put(store, rect, scratch->altitude_m, scratch->undulation_m, scratch->water))
         atomic_store(&part->changed, true);
     if (late)
@@ -153,8 +183,8 @@ static int run_chunk(void *user, unsigned worker, unsigned item)
     int rows = rows_of_chunk(part), first = (int)item * rows;
     rect.row0 += first;
     rect.rows = smaller(rows, rect.rows - first);
-    sample_chunk(run->filler, &run->filler->scratch[worker], &run->filler->stores[part->level],
-                 rect, part);
+    sample_chunk(run->filler, &run->filler->scratch[worker],
+                 &run->filler->stores[part->level][part->pane], rect, part);
     return 0;
 }
 
@@ -180,12 +210,13 @@ static void add_heights(struct loader_update *update, const struct level_store *
     update->height_count += (size_t)strip->posts.rows * (size_t)strip->posts.cols;
 }
 
-static void add_strip(struct loader_update *update, const struct level_store *store,
+static void add_strip(struct loader_update *update, const struct level_store *store, int pane,
                       const struct level_store *coarser, struct clipmap_rect half_posts)
 {
     assert(update->strip_count < LOADER_MAX_STRIPS);
     struct loader_strip strip = {
         .level = store->level,
+        .pane = pane,
         .posts = level_store_posts(half_posts),
         .half_posts = half_posts,
         .surface_offset = update->surface_count,
@@ -196,34 +227,19 @@ static void add_strip(struct loader_update *update, const struct level_store *st
     update->strips[update->strip_count++] = strip;
 }
 
-static struct clipmap_window in_half_posts(struct clipmap_window window)
-{
-    return (struct clipmap_window){2 * window.row0, 2 * window.col0};
-}
-
-/* Of a rectangle and a square window of `side`; rows or cols are 0 or less where they do not meet.
- */
-static struct clipmap_rect common_part(struct clipmap_rect rect, struct clipmap_window window,
-                                       int side)
-{
-    int32_t south = greater(rect.row0, window.row0), west = greater(rect.col0, window.col0);
-    int32_t north = smaller(rect.row0 + rect.rows, window.row0 + side);
-    int32_t east = smaller(rect.col0 + rect.cols, window.col0 + side);
-    return (struct clipmap_rect){south, west, north - south, east - west};
-}
-
 static int32_t cell_of(int32_t half_post)
 {
     return half_post & ~(int32_t)(LATE_SIDE - 1);
 }
 
 /* The late part in the same square of LATE_SIDE half-posts; NULL where there is none. */
-static struct late_part *late_part_at(struct window_filler *filler, int level, int32_t row,
-                                      int32_t col)
+static struct late_part *late_part_at(struct window_filler *filler, int level, int pane,
+                                      int32_t row, int32_t col)
 {
     for (size_t i = 0; i < filler->late_count; i++) {
         struct late_part *part = &filler->late[i];
-        if (part->level == level && cell_of(part->half_posts.row0) == cell_of(row) &&
+        if (part->level == level && part->pane == pane &&
+            cell_of(part->half_posts.row0) == cell_of(row) &&
             cell_of(part->half_posts.col0) == cell_of(col))
             return part;
     }
@@ -240,18 +256,19 @@ static struct clipmap_rect around_both(struct clipmap_rect a, struct clipmap_rec
 
 /* Cuts a rectangle by squares of LATE_SIDE half-posts, so that each part can be sampled again when
  * its own tiles are there, and no two overlap: there is room for all of the windows. */
-static void remember_late(struct window_filler *filler, int level, struct clipmap_rect rect)
+static void remember_late(struct window_filler *filler, int level, int pane,
+                          struct clipmap_rect rect)
 {
     for (int32_t row = cell_of(rect.row0); row < rect.row0 + rect.rows; row += LATE_SIDE)
         for (int32_t col = cell_of(rect.col0); col < rect.col0 + rect.cols; col += LATE_SIDE) {
             struct clipmap_rect part =
-                common_part(rect, (struct clipmap_window){row, col}, LATE_SIDE);
-            struct late_part *there = late_part_at(filler, level, row, col);
+                clipmap_common(rect, (struct clipmap_rect){row, col, LATE_SIDE, LATE_SIDE});
+            struct late_part *there = late_part_at(filler, level, pane, row, col);
             if (there)
                 there->half_posts = around_both(there->half_posts, part);
             else {
                 assert(filler->late_count < filler->late_capacity);
-                filler->late[filler->late_count++] = (struct late_part){level, part};
+                filler->late[filler->late_count++] = (struct late_part){level, pane, part};
             }
         }
 }
@@ -260,77 +277,121 @@ static void remember_late(struct window_filler *filler, int level, struct clipma
 static void forget_late(struct window_filler *filler)
 {
     size_t kept = 0;
-    int side = level_half_posts(&filler->shape);
     for (size_t i = 0; i < filler->late_count; i++) {
         struct late_part part = filler->late[i];
-        const struct level_store *store = &filler->stores[part.level];
-        part.half_posts = common_part(part.half_posts, in_half_posts(store->window), side);
-        if (store->filled && part.half_posts.rows > 0 && part.half_posts.cols > 0)
+        const struct level_store *store = &filler->stores[part.level][part.pane];
+        part.half_posts =
+            clipmap_common(part.half_posts, level_store_half_posts(store->pane.posts));
+        if (part.half_posts.rows > 0)
             filler->late[kept++] = part;
     }
     filler->late_count = kept;
 }
 
-static const struct level_store *coarser_than(const struct window_filler *filler, int level)
+static const struct level_store *coarser_than(const struct window_filler *filler, int level,
+                                              int pane)
 {
-    return level + 1 < filler->shape.levels ? &filler->stores[level + 1] : NULL;
+    return level + 1 < filler->shape.levels ? &filler->stores[level + 1][pane] : NULL;
 }
 
-/* Gives one level its new window. What it gains is appended to `parts`; returns their number. */
-static size_t plan_level(struct window_filler *filler, int level,
-                         const struct clipmap_layout *layout, struct filler_part *parts)
+static double distance(const double a[3], const double b[3])
 {
-    struct level_store *store = &filler->stores[level];
-    struct clipmap_window to = layout->windows[level];
-    struct clipmap_rect rects[2];
-    int side = level_half_posts(&filler->shape), count = 1;
-    if (store->filled && store->lon_factor == layout->lon_factor)
-        count = clipmap_uncovered(side, in_half_posts(store->window), in_half_posts(to), rects);
-    else
-        rects[0] = (struct clipmap_rect){2 * to.row0, 2 * to.col0, side, side};
-    store->window = to;
-    store->lon_factor = layout->lon_factor;
-    store->filled = true;
-    for (int i = 0; i < count; i++)
-        parts[i] = (struct filler_part){.level = level, .half_posts = rects[i]};
-    return (size_t)count;
+    double x = a[0] - b[0], y = a[1] - b[1], z = a[2] - b[2];
+    return sqrt(x * x + y * y + z * z);
+}
+
+/* Whether a level has to be moved for an eye at a place. */
+static bool level_lags(const struct window_filler *filler, int level, const double normal[3])
+{
+    const struct clipmap_cap *cap = &filler->caps[level];
+    double step = clipmap_step_rad(&filler->shape, level);
+    return cap->radius == 0.0 || distance(cap->normal, normal) > MOVE_POSTS * step;
+}
+
+bool window_filler_lags(const struct window_filler *filler, const struct filler_eye *eye)
+{
+    double normal[3];
+    cube_normal_from_geodetic(eye->lat_deg, eye->lon_deg, normal);
+    for (int level = 0; level < filler->shape.levels; level++)
+        if (level < eye->finest ? filler->caps[level].radius > 0.0
+                                : level_lags(filler, level, normal))
+            return true;
+    return false;
+}
+
+/* What a level gains by moving to a cap; appended to `parts`. Returns their number. */
+static size_t list_parts(const struct window_filler *filler, int level,
+                         const struct clipmap_pane panes[CLIPMAP_PANES], struct filler_part *parts)
+{
+    size_t count = 0;
+    for (int p = 0; p < CLIPMAP_PANES; p++) {
+        const struct level_store *store = &filler->stores[level][p];
+        struct clipmap_rect rects[4], held = {0};
+        if (store->pane.face == panes[p].face)
+            held = level_store_half_posts(store->pane.posts);
+        int n = clipmap_uncovered(held, level_store_half_posts(panes[p].posts), rects);
+        for (int i = 0; i < n; i++)
+            parts[count++] =
+                (struct filler_part){.level = level, .pane = p, .half_posts = rects[i]};
+    }
+    return count;
+}
+
+/* Gives a level its new panes. */
+static int place_level(struct window_filler *filler, int level, const struct clipmap_cap *cap,
+                       const struct clipmap_pane panes[CLIPMAP_PANES])
+{
+    for (int p = 0; p < CLIPMAP_PANES; p++) {
+        struct level_store *store = &filler->stores[level][p];
+        if (panes[p].posts.rows > 0 && level_store_ready(store) < 0)
+            return -ENOMEM;
+        store->pane = panes[p];
+    }
+    filler->caps[level] = *cap;
+    return 0;
+}
+
+static void leave_level(struct window_filler *filler, int level)
+{
+    for (int p = 0; p < CLIPMAP_PANES; p++)
+        filler->stores[level][p].pane.posts = (struct clipmap_rect){0};
+    filler->caps[level].radius = 0.0;
 }
 
 /* Puts what a level gained into the update, once it is sampled and the coarser level's, too. */
 static void add_part(struct window_filler *filler, const struct filler_part *part,
                      struct loader_update *update)
 {
-    struct level_store *store = &filler->stores[part->level];
-    const struct level_store *coarser = coarser_than(filler, part->level);
-    add_strip(update, store, coarser, level_store_grown(store, part->half_posts));
-    level_store_bound(store, coarser, level_store_posts(part->half_posts));
+    const struct level_store *store = &filler->stores[part->level][part->pane];
+    add_strip(update, store, part->pane, coarser_than(filler, part->level, part->pane),
+              level_store_grown(store, part->half_posts));
 }
 
-static void ground_below(struct window_filler *filler, struct loader_update *update)
+struct loader_ground window_filler_ground(struct window_filler *filler, const struct geodetic *eye)
 {
-    double lat_deg = filler->ground_lat_deg, lon_deg = filler->ground_lon_deg;
     double altitude_m = NAN;
-    filler->source->ops->sample_point(filler->source, lat_deg, lon_deg, &altitude_m);
+    struct loader_ground ground = {0};
+    filler->source->ops->sample_point(filler->source, eye->lat_deg, eye->lon_deg, &altitude_m);
     if (isnan(altitude_m) && filler->fallback)
-        filler->fallback->ops->sample_point(filler->fallback, lat_deg, lon_deg, &altitude_m);
-    if (isnan(altitude_m))
-        altitude_m = 0.0;
-    update->undulation_m =
-        filler->geoid ? (float)geoid_undulation_m(filler->geoid, lat_deg, lon_deg) : 0.0f;
-    update->ground_m = (float)altitude_m + update->undulation_m;
+        filler->fallback->ops->sample_point(filler->fallback, eye->lat_deg, eye->lon_deg,
+                                            &altitude_m);
+    if (filler->geoid)
+        ground.undulation_m = (float)geoid_undulation_m(filler->geoid, eye->lat_deg, eye->lon_deg);
+    ground.ground_m = (isnan(altitude_m) ? 0.0f : (float)altitude_m) + ground.undulation_m;
+    ground.nearest_m = nearest_ground_m(filler->stores, &filler->shape, filler->caps, eye,
+                                        eye->height_m - (double)ground.ground_m);
+    return ground;
 }
 
 /* What every update says, whatever its strips. */
 static void close_update(const struct window_filler *filler, struct loader_update *update)
 {
-    int squares = level_squares(&filler->shape);
-    size_t per_level = (size_t)squares * (size_t)squares;
-    update->layout = filler->layout;
-    update->finest = filler->finest;
     update->late = filler->late_count > 0;
-    for (int level = filler->finest; level < filler->shape.levels; level++)
-        memcpy(update->bounds + (size_t)level * per_level, filler->stores[level].bounds,
-               per_level * sizeof(*update->bounds));
+    for (int level = 0; level < filler->shape.levels; level++) {
+        update->levels[level].cap = filler->caps[level];
+        for (int p = 0; p < CLIPMAP_PANES; p++)
+            update->levels[level].panes[p] = filler->stores[level][p].pane;
+    }
 }
 
 static void open_update(struct loader_update *update)
@@ -339,60 +400,104 @@ static void open_update(struct loader_update *update)
     update->height_count = update->surface_count = 0;
 }
 
-void window_filler_move(struct window_filler *filler, const struct clipmap_layout *layout,
-                        int finest, double lat_deg, double lon_deg, struct loader_update *update)
+static size_t half_posts_of(const struct filler_part *parts, size_t count)
 {
-    if (filler->placed && filler->layout.lon_factor != layout->lon_factor)
-        filler->late_count = 0; /* everything is sampled anew */
-    filler->layout = *layout;
-    filler->finest = finest;
-    filler->placed = true;
-    open_update(update);
-    struct filler_part parts[2 * CLIPMAP_MAX_LEVELS];
+    size_t sum = 0;
+    for (size_t i = 0; i < count; i++) /* grown by one on all sides when they are exported */
+        sum += (size_t)(parts[i].half_posts.rows + 2) * (size_t)(parts[i].half_posts.cols + 2);
+    return sum;
+}
+
+#define PARTS_MOST (4 * CLIPMAP_PANES) /* of a level */
+
+/* The parts of as many levels as an update holds, coarser ones first; each has its new panes then.
+ */
+static int plan_levels(struct window_filler *filler, const struct filler_eye *eye,
+                       struct filler_part *parts, size_t *ret_count)
+{
+    double normal[3];
+    size_t room = window_filler_half_posts(&filler->shape), count = 0;
+    int r = 0;
+    cube_normal_from_geodetic(eye->lat_deg, eye->lon_deg, normal);
+    for (int level = filler->shape.levels - 1; level >= eye->finest && r == 0; level--) {
+        struct clipmap_cap cap = {
+            .normal = {normal[0], normal[1], normal[2]},
+            .radius = clipmap_reach(&filler->shape, level, normal).cap,
+        };
+        struct clipmap_pane panes[CLIPMAP_PANES];
+        if (!level_lags(filler, level, normal))
+            continue;
+        clipmap_panes(&filler->shape, level, &cap, panes);
+        size_t gained = list_parts(filler, level, panes, parts + count);
+        size_t needed = half_posts_of(parts + count, gained);
+        if (needed > room || count + gained + PARTS_MOST > LOADER_MAX_STRIPS)
+            break;
+        r = place_level(filler, level, &cap, panes);
+        if (r == 0)
+            count += gained;
+        else
+            leave_level(filler, level);
+        room -= needed;
+    }
+    *ret_count = count;
+    return r;
+}
+
+int window_filler_move(struct window_filler *filler, const struct filler_eye *eye,
+                       struct loader_update *update)
+{
+    struct filler_part parts[LOADER_MAX_STRIPS];
     size_t count = 0;
-    for (int level = filler->shape.levels - 1; level >= finest; level--)
-        count += plan_level(filler, level, layout, parts + count);
-    for (int level = 0; level < finest; level++)
-        filler->stores[level].filled = false;
+    open_update(update);
+    for (int level = 0; level < eye->finest; level++)
+        leave_level(filler, level);
+    int r = plan_levels(filler, eye, parts, &count);
     forget_late(filler); /* first: it makes room */
     sample_parts(filler, parts, count);
     for (size_t i = 0; i < count; i++) {
         if (atomic_load(&parts[i].late))
-            remember_late(filler, parts[i].level, parts[i].half_posts);
+            remember_late(filler, parts[i].level, parts[i].pane, parts[i].half_posts);
         add_part(filler, &parts[i], update);
     }
-    filler->ground_lat_deg = lat_deg;
-    filler->ground_lon_deg = lon_deg;
-    ground_below(filler, update);
     close_update(filler, update);
+    return r;
 }
 
 /* The posts of the finer level that lie on or between `posts` of a coarser one. */
-static void add_finer_heights(struct window_filler *filler, int level, struct clipmap_rect posts,
+static void add_finer_heights(struct window_filler *filler, const struct filler_part *part,
                               struct loader_update *update)
 {
-    if (level <= filler->finest)
+    if (part->level == 0)
         return;
-    struct level_store *finer = &filler->stores[level - 1];
+    const struct level_store *own = &filler->stores[part->level][part->pane];
+    const struct level_store *finer = &filler->stores[part->level - 1][part->pane];
+    struct clipmap_rect posts = level_store_posts(part->half_posts);
     struct clipmap_rect touched = {2 * posts.row0 - 1, 2 * posts.col0 - 1, 2 * posts.rows + 1,
                                    2 * posts.cols + 1};
-    struct loader_strip strip = {.level = level - 1};
-    strip.posts = common_part(touched, finer->window, filler->shape.n);
-    if (strip.posts.rows <= 0 || strip.posts.cols <= 0)
+    struct loader_strip strip = {.level = part->level - 1, .pane = part->pane};
+    strip.posts = clipmap_common(touched, finer->pane.posts);
+    if (strip.posts.rows == 0 || finer->pane.face != own->pane.face)
         return;
-    add_heights(update, finer, &filler->stores[level], &strip);
+    add_heights(update, finer, own, &strip);
     update->strips[update->strip_count++] = strip;
-    level_store_bound(finer, &filler->stores[level], strip.posts);
 }
 
 bool window_filler_refresh(struct window_filler *filler, struct loader_update *update,
                            size_t *ret_tried)
 {
-    size_t tried = filler->late_count < REFRESH_PARTS ? filler->late_count : REFRESH_PARTS;
+    size_t tried = 0, room = window_filler_half_posts(&filler->shape);
     struct filler_part parts[REFRESH_PARTS];
-    for (size_t i = 0; i < tried; i++)
+    for (size_t i = 0; i < filler->late_count && i < REFRESH_PARTS; i++) {
         parts[i] = (struct filler_part){.level = filler->late[i].level,
+                                        .pane = filler->late[i].pane,
                                         .half_posts = filler->late[i].half_posts};
+        size_t needed = half_posts_of(&parts[i], 1);
+        needed += needed / 2; /* the finer level's heights are a few more */
+        if (needed > room)
+            break;
+        room -= needed;
+        tried++;
+    }
     filler->late_count -= tried;
     memmove(filler->late, filler->late + tried, filler->late_count * sizeof(*filler->late));
     open_update(update);
@@ -400,62 +505,86 @@ bool window_filler_refresh(struct window_filler *filler, struct loader_update *u
     for (size_t i = 0; i < tried; i++) {
         if (atomic_load(&parts[i].late))
             filler->late[filler->late_count++] =
-                (struct late_part){parts[i].level, parts[i].half_posts};
+                (struct late_part){parts[i].level, parts[i].pane, parts[i].half_posts};
         if (atomic_load(&parts[i].changed)) {
             add_part(filler, &parts[i], update);
-            add_finer_heights(filler, parts[i].level, level_store_posts(parts[i].half_posts),
-                              update);
+            add_finer_heights(filler, &parts[i], update);
         }
     }
-    ground_below(filler, update);
     close_update(filler, update);
     *ret_tried = tried;
     return update->strip_count > 0 || filler->late_count == 0;
 }
 
-/* Of a level, the half-posts in a part of the Earth, `turns` times round the globe from it. */
-static struct clipmap_rect half_posts_in(const struct level_store *store,
-                                         const struct terrain_rect *rect, int turns)
+/* A cap that holds a part of the Earth. */
+static struct clipmap_cap cap_around(const struct terrain_rect *rect)
 {
-    struct terrain_grid grid = level_store_grid(store, (struct clipmap_rect){0, 0, 1, 1});
-    double west_deg = rect->west_deg + 360.0 * turns, east_deg = rect->east_deg + 360.0 * turns;
-    double south = floor(rect->south_deg / grid.lat_step_deg);
-    double north = ceil(rect->north_deg / grid.lat_step_deg);
-    double west = floor(west_deg / grid.lon_step_deg), east = ceil(east_deg / grid.lon_step_deg);
-    return (struct clipmap_rect){(int32_t)south, (int32_t)west, (int32_t)(north - south) + 1,
-                                 (int32_t)(east - west) + 1};
+    struct clipmap_cap cap = {.radius = 0.0};
+    double corner[3], lat_deg = 0.5 * (rect->south_deg + rect->north_deg);
+    double lon_deg = 0.5 * (rect->west_deg + rect->east_deg);
+    cube_normal_from_geodetic(lat_deg, lon_deg, cap.normal);
+    const double lats_deg[3] = {rect->south_deg, lat_deg, rect->north_deg};
+    for (int i = 0; i < 3; i++) {
+        cube_normal_from_geodetic(lats_deg[i], rect->west_deg, corner);
+        cap.radius = fmax(cap.radius, distance(cap.normal, corner));
+    }
+    cap.radius *= 1.01; /* a parallel bows out between its corners */
+    return cap;
 }
 
 void window_filler_spoil(struct window_filler *filler, const struct terrain_rect *rect)
 {
-    int side = level_half_posts(&filler->shape);
-    for (int level = filler->finest; level < filler->shape.levels && filler->placed; level++) {
-        const struct level_store *store = &filler->stores[level];
-        for (int turns = -1; turns <= 1 && store->filled; turns++) {
-            struct clipmap_rect part =
-                common_part(half_posts_in(store, rect, turns), in_half_posts(store->window), side);
-            if (part.rows > 0 && part.cols > 0)
-                remember_late(filler, level, part);
+    struct clipmap_cap cap = cap_around(rect);
+    for (int level = 0; level < filler->shape.levels; level++) {
+        double step = clipmap_step_rad(&filler->shape, level);
+        struct clipmap_cap grown = cap;
+        grown.radius += 2.0 * step;
+        for (int p = 0; p < CLIPMAP_PANES; p++) {
+            const struct clipmap_pane *pane = &filler->stores[level][p].pane;
+            struct clipmap_rect part = clipmap_common(
+                clipmap_cap_posts(&filler->shape, level, pane->face, &grown), pane->posts);
+            if (part.rows > 0)
+                remember_late(filler, level, p, level_store_half_posts(part));
         }
     }
 }
 
-void window_filler_look_ahead(struct window_filler *filler, double lat_deg, double lon_deg)
+/* Every AHEAD_STRIDE-th half-post of a rectangle, and its rims. */
+static void ask_ahead(struct window_filler *filler, const struct level_store *store,
+                      struct clipmap_rect rect)
 {
     struct terrain_source *source = filler->source;
-    int side = level_half_posts(&filler->shape);
-    struct clipmap_layout layout;
-    if (!source->ops->prefetch || !filler->placed)
-        return;
-    clipmap_place(&filler->shape, lat_deg, lon_deg, filler->layout.lon_factor, &layout);
-    for (int level = filler->shape.levels - 1; level >= filler->finest; level--) {
-        struct clipmap_window to = in_half_posts(layout.windows[level]);
-        struct clipmap_rect rects[2];
-        int count =
-            clipmap_uncovered(side, in_half_posts(filler->layout.windows[level]), to, rects);
-        for (int i = 0; i < count; i++) {
-            struct terrain_grid grid = level_store_grid(&filler->stores[level], rects[i]);
-            source->ops->prefetch(source, &grid);
+    double *lat_deg = filler->scratch[0].lat_deg, *lon_deg = filler->scratch[0].lon_deg;
+    struct terrain_places places = {.lat_deg = lat_deg, .lon_deg = lon_deg};
+    for (int r = 0; r < rect.rows + AHEAD_STRIDE - 1; r += AHEAD_STRIDE)
+        for (int c = 0; c < rect.cols + AHEAD_STRIDE - 1; c += AHEAD_STRIDE) {
+            struct clipmap_rect one = {rect.row0 + smaller(r, rect.rows - 1),
+                                       rect.col0 + smaller(c, rect.cols - 1), 1, 1};
+            assert(places.count < CHUNK_POSTS);
+            level_store_places(store, one, lat_deg + places.count, lon_deg + places.count);
+            places.count++;
+        }
+    places.spacing_deg = degrees_from(0.5 * clipmap_step_rad(store->shape, store->level));
+    source->ops->prefetch(source, &places);
+}
+
+void window_filler_look_ahead(struct window_filler *filler, const struct filler_eye *eye)
+{
+    double normal[3];
+    cube_normal_from_geodetic(eye->lat_deg, eye->lon_deg, normal);
+    for (int level = filler->shape.levels - 1; level >= eye->finest; level--) {
+        struct clipmap_cap cap = {
+            .normal = {normal[0], normal[1], normal[2]},
+            .radius = clipmap_reach(&filler->shape, level, normal).cap,
+        };
+        struct clipmap_pane panes[CLIPMAP_PANES];
+        struct filler_part parts[PARTS_MOST];
+        clipmap_panes(&filler->shape, level, &cap, panes);
+        size_t count = list_parts(filler, level, panes, parts);
+        for (size_t i = 0; i < count; i++) {
+            const struct level_store there = {
+                .shape = &filler->shape, .level = level, .pane = panes[parts[i].pane]};
+            ask_ahead(filler, &there, parts[i].half_posts);
         }
     }
 }

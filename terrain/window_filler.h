@@ -1,4 +1,4 @@
-/* What the loader's thread works with: the ground of all clipmap windows in main memory, sampled
+/* What the loader's thread works with: the ground of all clipmap levels in main memory, sampled
  * from the terrain source, and the strips for the renderer that follow from it.
  *
  * A source may answer with coarser heights than it has (TERRAIN_LATE). What was sampled so is
@@ -14,7 +14,7 @@
 
 /* Part of a level that is coarser than the source has it. */
 struct late_part {
-    int level;
+    int level, pane;
     struct clipmap_rect half_posts;
 };
 
@@ -24,13 +24,10 @@ struct window_filler {
     struct clipmap_shape shape;
     struct terrain_source *source, *fallback; /* borrowed; fallback may be NULL */
     struct geoid *geoid;                      /* borrowed; may be NULL */
-    struct level_store stores[CLIPMAP_MAX_LEVELS];
-    struct clipmap_layout layout;
-    int finest;
-    bool placed;
-    double ground_lat_deg, ground_lon_deg; /* under the eye */
-    bool patient;                          /* waits for late heights */
-    const atomic_bool *stopping;           /* ends the waiting; borrowed, may be NULL */
+    struct level_store stores[CLIPMAP_MAX_LEVELS][CLIPMAP_PANES];
+    struct clipmap_cap caps[CLIPMAP_MAX_LEVELS];
+    bool patient;                /* waits for late heights */
+    const atomic_bool *stopping; /* ends the waiting; borrowed, may be NULL */
     struct crew *crew;
     struct filler_scratch *scratch; /* [crew_size] */
     struct late_part *late;
@@ -45,10 +42,24 @@ int window_filler_init(struct window_filler *filler, const struct clipmap_shape 
                        struct geoid *geoid, unsigned jobs);
 void window_filler_finish(struct window_filler *filler);
 
-/* Moves all levels from `finest` on to `layout` and fills the update with what they gained; the
- * ground under the place is put in, too. */
-void window_filler_move(struct window_filler *filler, const struct clipmap_layout *layout,
-                        int finest, double lat_deg, double lon_deg, struct loader_update *update);
+/* Where the eye is, and the finest level that it needs. */
+struct filler_eye {
+    double lat_deg, lon_deg;
+    int finest;
+};
+
+/* True where levels have to move for an eye. */
+bool window_filler_lags(const struct window_filler *filler, const struct filler_eye *eye);
+
+/* Moves levels to an eye, coarser ones first, as many as the update holds, and fills the update
+ * with what they gained; the ground under the eye is put in, too. Where window_filler_lags() says
+ * so afterwards there is more to move. Returns 0, or -ENOMEM: then the levels that there was no
+ * memory for are not there. */
+int window_filler_move(struct window_filler *filler, const struct filler_eye *eye,
+                       struct loader_update *update);
+
+/* The ground at an eye. */
+struct loader_ground window_filler_ground(struct window_filler *filler, const struct geodetic *eye);
 
 /* Has a part of the Earth sampled again: its heights are others now. */
 void window_filler_spoil(struct window_filler *filler, const struct terrain_rect *rect);
@@ -58,5 +69,8 @@ void window_filler_spoil(struct window_filler *filler, const struct terrain_rect
 bool window_filler_refresh(struct window_filler *filler, struct loader_update *update,
                            size_t *ret_tried);
 
-/* Asks the source for what the windows will need at a place. */
-void window_filler_look_ahead(struct window_filler *filler, double lat_deg, double lon_deg);
+/* Asks the source for what the levels will need for an eye. */
+void window_filler_look_ahead(struct window_filler *filler, const struct filler_eye *eye);
+
+/* How much an update's arena has to hold: half-posts of the largest level. */
+size_t window_filler_half_posts(const struct clipmap_shape *shape);

@@ -16,21 +16,21 @@ static inline void nap(void)
 struct picture {
     struct loader *loader;
     void *arenas[LOADER_UPDATES];
-    struct loader_height *heights; /* [levels][side][side] */
+    struct loader_height *heights; /* [levels][CLIPMAP_PANES][side][side] */
     struct loader_surface *surfaces;
-    struct clipmap_layout layout;
+    struct loader_level levels[CLIPMAP_MAX_LEVELS];
     bool late, was_late;
 };
 
-static const struct clipmap_shape shape = {.n = 31, .levels = 6, .step_deg = 1.0 / 480.0};
+static const struct clipmap_shape shape = {.radius = 32, .block = 4, .levels = 11, .depth = 17};
 
-static inline void lay(void *texture, size_t element, int side, int level, struct clipmap_rect rect,
+static inline void lay(void *texture, size_t element, int side, int layer, struct clipmap_rect rect,
                        const void *from)
 {
     for (int r = 0; r < rect.rows; r++)
         for (int c = 0; c < rect.cols; c++) {
             int y = (rect.row0 + r) & (side - 1), x = (rect.col0 + c) & (side - 1);
-            memcpy((char *)texture + element * (size_t)((level * side + y) * side + x),
+            memcpy((char *)texture + element * (size_t)((layer * side + y) * side + x),
                    (const char *)from + element * (size_t)(r * rect.cols + c), element);
         }
 }
@@ -42,16 +42,28 @@ static inline void take_updates(struct picture *picture)
     while ((update = loader_take(picture->loader))) {
         for (unsigned i = 0; i < update->strip_count; i++) {
             const struct loader_strip *s = &update->strips[i];
-            lay(picture->heights, sizeof(struct loader_height), side, s->level, s->posts,
+            int layer = CLIPMAP_PANES * s->level + s->pane;
+            lay(picture->heights, sizeof(struct loader_height), side, layer, s->posts,
                 update->heights + s->height_offset);
-            lay(picture->surfaces, sizeof(struct loader_surface), 2 * side, s->level, s->half_posts,
+            lay(picture->surfaces, sizeof(struct loader_surface), 2 * side, layer, s->half_posts,
                 update->surfaces + s->surface_offset);
         }
-        picture->layout = update->layout;
+        memcpy(picture->levels, update->levels, sizeof(picture->levels));
         picture->late = update->late;
         picture->was_late |= update->late;
         loader_give_back(picture->loader, update);
     }
+}
+
+/* All that a patient wish brings, however many updates that are. */
+static inline void take_answer(struct picture *picture)
+{
+    bool pending;
+    do {
+        loader_wait(picture->loader);
+        pending = loader_pending(picture->loader);
+        take_updates(picture);
+    } while (pending);
 }
 
 /* As a renderer would, until nothing is late any more. */
@@ -63,7 +75,7 @@ static inline void draw_until_complete(struct picture *pictures, int count)
         for (int p = 0; p < count; p++) {
             bool pending = loader_pending(pictures[p].loader);
             take_updates(&pictures[p]);
-            complete &= !pending && pictures[p].layout.lon_factor != 0.0 && !pictures[p].late;
+            complete &= !pending && pictures[p].levels[0].cap.radius > 0.0 && !pictures[p].late;
         }
     }
     CHECK(complete);
@@ -86,8 +98,8 @@ static inline void open_picture(struct picture *picture, struct terrain_source *
                                 unsigned samplers)
 {
     struct diag diag = {""};
-    size_t texels =
-        (size_t)shape.levels * (size_t)clipmap_storage(&shape) * (size_t)clipmap_storage(&shape);
+    size_t texels = (size_t)shape.levels * CLIPMAP_PANES * (size_t)clipmap_storage(&shape) *
+                    (size_t)clipmap_storage(&shape);
     struct loader_params params = {
         .shape = shape, .source = source, .fallback = planet(), .samplers = samplers};
     for (int i = 0; i < LOADER_UPDATES; i++)
@@ -107,34 +119,59 @@ static inline void close_picture(struct picture *picture)
     free(picture->surfaces);
 }
 
+/* Dug tiles may have finer posts than the ground around a stamp: what lies between them is then
+ * rounded otherwise. */
+#define SAME_M    1e-3f
+#define SAME_CODE 2
+
+static inline bool same_height(const void *a, const void *b)
+{
+    const struct loader_height *own = a, *other = b;
+    return fabsf(own->own_m - other->own_m) < SAME_M &&
+           fabsf(own->coarser_m - other->coarser_m) < SAME_M;
+}
+
+static inline bool same_surface(const void *a, const void *b)
+{
+    const struct loader_surface *own = a, *other = b;
+    return abs(own->slope_along - other->slope_along) <= SAME_CODE &&
+           abs(own->slope_across - other->slope_across) <= SAME_CODE && own->water == other->water;
+}
+
 /* Counts the elements of a rectangle that differ in two toroidal textures. */
-static inline int differences_of(const void *a, const void *b, size_t element, int side, int level,
+static inline int differences_of(const void *a, const void *b, size_t element,
+                                 bool (*same)(const void *a, const void *b), int side, int layer,
                                  struct clipmap_rect rect)
 {
     int different = 0;
     for (int r = 0; r < rect.rows; r++)
         for (int c = 0; c < rect.cols; c++) {
             int y = (rect.row0 + r) & (side - 1), x = (rect.col0 + c) & (side - 1);
-            size_t at = element * (size_t)((level * side + y) * side + x);
-            different += memcmp((const char *)a + at, (const char *)b + at, element) != 0;
+            size_t at = element * (size_t)((layer * side + y) * side + x);
+            different += !same((const char *)a + at, (const char *)b + at);
         }
     return different;
 }
 
+/* In what both pictures have. */
 static inline int differences(const struct picture *a, const struct picture *b)
 {
-    int side = clipmap_storage(&shape), n = shape.n;
-    int different = memcmp(&a->layout, &b->layout, sizeof(a->layout)) != 0;
-    for (int level = 0; level < shape.levels; level++) {
-        struct clipmap_window window = a->layout.windows[level];
-        struct clipmap_rect posts = {window.row0, window.col0, n, n};
+    int side = clipmap_storage(&shape), different = 0;
+    for (int layer = 0; layer < shape.levels * CLIPMAP_PANES; layer++) {
+        const struct clipmap_pane *of_a =
+            &a->levels[layer / CLIPMAP_PANES].panes[layer % CLIPMAP_PANES];
+        const struct clipmap_pane *of_b =
+            &b->levels[layer / CLIPMAP_PANES].panes[layer % CLIPMAP_PANES];
+        struct clipmap_rect posts = clipmap_common(of_a->posts, of_b->posts);
+        if (of_a->face != of_b->face || posts.rows < 4 || posts.cols < 4)
+            continue;
         /* Slopes on the rim are one-sided or not, by when the neighbour left the window. */
-        struct clipmap_rect inside = {2 * window.row0 + 1, 2 * window.col0 + 1, 2 * n - 3,
-                                      2 * n - 3};
-        different +=
-            differences_of(a->heights, b->heights, sizeof(*a->heights), side, level, posts);
-        different +=
-            differences_of(a->surfaces, b->surfaces, sizeof(*a->surfaces), 2 * side, level, inside);
+        struct clipmap_rect inside = {2 * posts.row0 + 1, 2 * posts.col0 + 1, 2 * posts.rows - 3,
+                                      2 * posts.cols - 3};
+        different += differences_of(a->heights, b->heights, sizeof(*a->heights), same_height, side,
+                                    layer, posts);
+        different += differences_of(a->surfaces, b->surfaces, sizeof(*a->surfaces), same_surface,
+                                    2 * side, layer, inside);
     }
     return different;
 }

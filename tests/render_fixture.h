@@ -20,14 +20,12 @@ struct formula {
     double step_deg;
 };
 
-static inline int formula_grid(struct terrain_source *source, const struct terrain_grid *grid,
-                               float *ret)
+static inline int formula_sample(struct terrain_source *source, const struct terrain_places *places,
+                                 float *ret)
 {
     struct formula *formula = (struct formula *)source;
-    for (int r = 0; r < grid->rows; r++)
-        for (int c = 0; c < grid->cols; c++)
-            *ret++ = (float)formula->height_m((double)(grid->row0 + r) * grid->lat_step_deg,
-                                              (double)(grid->col0 + c) * grid->lon_step_deg);
+    for (int i = 0; i < places->count; i++)
+        ret[i] = (float)formula->height_m(places->lat_deg[i], places->lon_deg[i]);
     return 0;
 }
 
@@ -50,8 +48,10 @@ static inline void formula_destroy(struct terrain_source *source)
     free(source);
 }
 
-static const struct terrain_source_ops formula_ops = {formula_grid, formula_point, formula_facts,
-                                                      formula_destroy};
+static const struct terrain_source_ops formula_ops = {.sample = formula_sample,
+                                                      .sample_point = formula_point,
+                                                      .facts = formula_facts,
+                                                      .destroy = formula_destroy};
 
 static inline struct terrain_source *formula_create(double (*height_m)(double, double))
 {
@@ -74,9 +74,9 @@ struct scene_under_test {
     struct readback *depth, *colour;
 };
 
-/* `n` = 0: what suits the screen. Takes the imagery, which may be NULL. */
-static inline bool open_scene(double (*height_m)(double, double), int n, struct imagery *imagery,
-                              struct scene_under_test *ret)
+/* `radius` = 0: what suits the screen. Takes the imagery, which may be NULL. */
+static inline bool open_scene(double (*height_m)(double, double), int radius,
+                              struct imagery *imagery, struct scene_under_test *ret)
 {
     struct terrain_source *source = formula_create(height_m);
     struct terrain_facts facts;
@@ -88,10 +88,8 @@ static inline bool open_scene(double (*height_m)(double, double), int n, struct 
         .source = source,
         .imagery = imagery,
     };
-    if (n) {
-        params.shape.levels += (int)lround(log2((params.shape.n + 1.0) / (n + 1.0)));
-        params.shape.n = n;
-    }
+    if (radius)
+        params.shape = clipmap_shape(radius, radius / 8, facts.finest_lat_step_deg);
     struct diag diag = {0};
     int r = renderer_create(&params, &gl, &ret->renderer, &diag);
     if (r == 0)

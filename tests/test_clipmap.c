@@ -1,3 +1,4 @@
+#include "geo/cube.h"
 #include "terrain/clipmap.h"
 #include "tests/check.h"
 
@@ -9,262 +10,280 @@ static double random_between(double low, double high)
     return low + (high - low) * (random_state >> 8) / 16777216.0;
 }
 
-static const struct clipmap_shape shapes[] = {
-    {.n = 15, .levels = 6, .step_deg = 1e-3},   {.n = 63, .levels = 9, .step_deg = 1e-5},
-    {.n = 127, .levels = 15, .step_deg = 1e-5}, {.n = 255, .levels = 9, .step_deg = 1e-5},
-    {.n = 511, .levels = 7, .step_deg = 1e-5},
-};
-#define SHAPES (sizeof(shapes) / sizeof(shapes[0]))
-
-static void windows_nest_and_stay_about_the_eye(void)
+static void random_normal(double ret[3])
 {
-    int wrong_nesting = 0, odd = 0, far = 0;
-    for (size_t s = 0; s < SHAPES; s++) {
-        const struct clipmap_shape *shape = &shapes[s];
-        int m = clipmap_m(shape), n = shape->n;
-        for (int i = 0; i < 2000; i++) {
-            double lat = random_between(-80, 80), lon = random_between(-540, 540);
-            double factor = clipmap_lon_factor(lat, 0);
-            struct clipmap_layout layout;
-            clipmap_place(shape, lat, lon, factor, &layout);
-            for (int k = 0; k < shape->levels; k++) {
-                struct clipmap_window w = layout.windows[k];
-                double step = ldexp(shape->step_deg, k);
-                odd += (w.row0 & 1) || (w.col0 & 1);
-                far += fabs(lat / step - w.row0 - (n - 1) / 2.0) > 2.0;
-                far += fabs(lon / (step * factor) - w.col0 - (n - 1) / 2.0) > 2.0;
-                if (k == 0)
-                    continue;
-                int dr = layout.windows[k - 1].row0 / 2 - w.row0 - m;
-                int dc = layout.windows[k - 1].col0 / 2 - w.col0 - m;
-                wrong_nesting += dr < 0 || dr > 1 || dc < 0 || dc > 1;
+    cube_normal_from_geodetic(asin(random_between(-1, 1)) * 180.0 / M_PI, random_between(-180, 180),
+                              ret);
+}
+
+/* Every so often near a corner, an edge or the middle of a face. */
+static void interesting_normal(int i, double ret[3])
+{
+    static const double angles[] = {-0.25, 0.0, 0.25};
+    double xi = angles[i % 3] * M_PI + random_between(-0.02, 0.02) * (i % 2);
+    double eta = angles[i / 3 % 3] * M_PI + random_between(-0.02, 0.02) * (i % 2);
+    if (i % 5 == 4)
+        random_normal(ret);
+    else
+        cube_normal(i % CUBE_FACES, xi, eta, ret);
+}
+
+static double distance(const double a[3], const double b[3])
+{
+    double x = a[0] - b[0], y = a[1] - b[1], z = a[2] - b[2];
+    return sqrt(x * x + y * y + z * z);
+}
+
+static struct clipmap_shape shapes[4];
+
+static void a_cap_s_posts_fit_into_the_storage(void)
+{
+    int too_wide = 0, missing = 0, levels = 0;
+    for (size_t s = 0; s < 4; s++)
+        for (int i = 0; i < 3000; i++) {
+            struct clipmap_cap cap;
+            int level = i % shapes[s].levels;
+            interesting_normal(i, cap.normal);
+            cap.radius = clipmap_reach(&shapes[s], level, cap.normal).cap;
+            struct clipmap_pane panes[CLIPMAP_PANES];
+            clipmap_panes(&shapes[s], level, &cap, panes);
+            int any = 0;
+            for (int p = 0; p < CLIPMAP_PANES; p++) {
+                any += panes[p].posts.rows > 0;
+                too_wide += panes[p].posts.rows > clipmap_storage(&shapes[s]) ||
+                            panes[p].posts.cols > clipmap_storage(&shapes[s]);
+                missing += panes[p].face % CLIPMAP_PANES != p;
             }
+            missing += any == 0;
+            levels++;
         }
-    }
-    CHECK_INT(odd, 0);
-    CHECK_INT(far, 0);
-    CHECK_INT(wrong_nesting, 0);
+    CHECK_INT(too_wide, 0);
+    CHECK_INT(missing, 0);
+    CHECK_INT(levels, 12000);
 }
 
-static void coverage(const struct clipmap_shape *shape, const struct clipmap_layout *layout,
-                     int level, bool hole, int *ret_wrong)
+/* The middle and the corners of a block; col and row count blocks. */
+static double block_points(const struct clipmap_shape *shape, int level, int face, int32_t col,
+                           int32_t row, double ret_middle[3], double ret_corners[4][3])
 {
-    int cells = shape->n - 1;
-    unsigned char *covered = calloc((size_t)cells * (size_t)cells, 1);
-    struct clipmap_block blocks[CLIPMAP_MAX_BLOCKS];
-    int count = clipmap_blocks(shape, layout, level, hole, blocks);
-    for (int b = 0; b < count; b++)
-        for (int r = 0; r < blocks[b].rows; r++)
-            for (int c = 0; c < blocks[b].cols; c++)
-                covered[(blocks[b].row + r) * cells + blocks[b].col + c]++;
-    int from_row = 0, from_col = 0, side = 0;
-    if (hole) {
-        from_row = layout->windows[level - 1].row0 / 2 - layout->windows[level].row0;
-        from_col = layout->windows[level - 1].col0 / 2 - layout->windows[level].col0;
-        side = cells / 2;
+    double step = clipmap_step_rad(shape, level), farthest = 0.0;
+    double first_xi = col * shape->block * step - M_PI / 4.0, side = shape->block * step;
+    double first_eta = row * shape->block * step - M_PI / 4.0;
+    cube_normal(face, first_xi + 0.5 * side, first_eta + 0.5 * side, ret_middle);
+    for (int i = 0; i < 4; i++) {
+        cube_normal(face, first_xi + (i & 1) * side, first_eta + (i >> 1) * side, ret_corners[i]);
+        farthest = fmax(farthest, distance(ret_middle, ret_corners[i]));
     }
-    for (int r = 0; r < cells; r++) {
-        for (int c = 0; c < cells; c++) {
-            bool inside =
-                r >= from_row && r < from_row + side && c >= from_col && c < from_col + side;
-            *ret_wrong += covered[r * cells + c] != !inside;
+    return farthest;
+}
+
+/* Within what is drawn of a level no block is larger than its bound says. */
+static void blocks_are_as_small_as_they_are_said_to_be(void)
+{
+    int larger = 0, met = 0;
+    double closest = 0.0;
+    for (size_t s = 0; s < 4; s++)
+        for (int i = 0; i < 4000; i++) {
+            const struct clipmap_shape *shape = &shapes[s];
+            int level = i % (shape->levels - 1);
+            double eye[3], middle[3], corners[4][3];
+            interesting_normal(i, eye);
+            struct clipmap_reach reach = clipmap_reach(shape, level, eye);
+            int face = cube_face_of(eye);
+            double xi, eta, side = shape->block * clipmap_step_rad(shape, level);
+            cube_angles(face, eye, &xi, &eta);
+            xi += random_between(-1, 1) * reach.end;
+            eta += random_between(-1, 1) * reach.end;
+            int32_t last = clipmap_cells(shape, level) / shape->block - 1;
+            int32_t col = (int32_t)floor((xi + M_PI / 4.0) / side);
+            int32_t row = (int32_t)floor((eta + M_PI / 4.0) / side);
+            if (col < 0 || row < 0 || col > last || row > last)
+                continue;
+            double farthest = block_points(shape, level, face, col, row, middle, corners);
+            larger += farthest > reach.block;
+            closest = fmax(closest, farthest / reach.block);
+            met++;
         }
-    }
-    free(covered);
+    CHECK_INT(larger, 0);
+    CHECK(met > 8000);
+    CHECK(closest > 0.98);
 }
 
-static void blocks_cover_every_cell_outside_the_hole_once(void)
+/* The arithmetic that select.comp does, on one face around an eye. */
+static bool is_split(const struct clipmap_shape *shape, int level, const double eye[3], double up,
+                     const double *ends, int face, int32_t col, int32_t row)
 {
-    int wrong = 0;
-    for (size_t s = 0; s < SHAPES; s++) {
-        for (int i = 0; i < 40; i++) {
-            struct clipmap_layout layout;
-            clipmap_place(&shapes[s], random_between(-80, 80), random_between(-180, 180), 1,
-                          &layout);
-            coverage(&shapes[s], &layout, 0, false, &wrong);
-            coverage(&shapes[s], &layout, 1 + i % (shapes[s].levels - 1), true, &wrong);
+    double middle[3], corners[4][3];
+    if (level == 0)
+        return false;
+    block_points(shape, level, face, col, row, middle, corners);
+    double across = fmax(distance(middle, eye) - clipmap_reach(shape, level, eye).block, 0.0);
+    return hypot(across, up) < ends[level - 1];
+}
+
+/* Goes down to the leaf that has a place; returns its level. */
+static int leaf_at(const struct clipmap_shape *shape, const double eye[3], double up,
+                   const double *ends, int face, double xi, double eta)
+{
+    int level = shape->levels - 1;
+    for (;; level--) {
+        double side = shape->block * clipmap_step_rad(shape, level);
+        int32_t col = (int32_t)floor((xi + M_PI / 4.0) / side);
+        int32_t row = (int32_t)floor((eta + M_PI / 4.0) / side);
+        if (!is_split(shape, level, eye, up, ends, face, col, row))
+            return level;
+    }
+}
+
+/* On the line between two leaves the finer one shows the coarser one's heights, and that one its
+ * own: for any eye, and for caps that trail behind it in any way. */
+static void neighbours_differ_by_one_level_and_agree(void)
+{
+    int steps = 0, disagree = 0, borders = 0;
+    for (int i = 0; i < 1200; i++) {
+        const struct clipmap_shape *shape = &shapes[i % 4];
+        struct clipmap_cap caps[CLIPMAP_MAX_LEVELS];
+        double eye[3], ends[CLIPMAP_MAX_LEVELS], xi, eta;
+        interesting_normal(i, eye);
+        int face = cube_face_of(eye);
+        cube_angles(face, eye, &xi, &eta);
+        for (int level = 0; level < shape->levels; level++) {
+            double step = clipmap_step_rad(shape, level);
+            double lag = i % 3 ? 0.0 : random_between(0, 60) * step;
+            cube_normal(face, xi + lag, eta, caps[level].normal);
+            caps[level].radius = clipmap_reach(shape, level, eye).cap;
+            if (i % 7 == 0 && random_between(0, 1) < 0.1)
+                caps[level].radius *= random_between(0, 1);
         }
-    }
-    CHECK_INT(wrong, 0);
-}
-
-/* Marks where an edge of a block has vertices, on a lattice of half cells; a doubled edge has them
- * at every half cell. */
-static void mark_edge(signed char *marks, int side, int x, int y, int dx, int dy, int cells,
-                      bool doubled, int *ret_wrong)
-{
-    for (int i = 0; i <= 2 * cells; i++) {
-        signed char *mark = &marks[(y + i * dy) * side + x + i * dx];
-        signed char has = doubled || i % 2 == 0 ? 1 : -1;
-        if (*mark && *mark != has)
-            ++*ret_wrong; /* the neighbour disagrees: a T-vertex */
-        *mark = has;
-    }
-}
-
-/* Every edge that two blocks share, or a block and the finer window, has its vertices in the same
- * places on both sides. */
-static void edges_agree(const struct clipmap_shape *shape, const struct clipmap_layout *layout,
-                        int level, int *ret_wrong)
-{
-    int side = 2 * (shape->n - 1) + 1;
-    signed char *across = calloc((size_t)side * (size_t)side, 1);
-    signed char *up = calloc((size_t)side * (size_t)side, 1);
-    struct clipmap_block blocks[CLIPMAP_MAX_BLOCKS];
-    int count = clipmap_blocks(shape, layout, level, true, blocks);
-    int row = 2 * (layout->windows[level - 1].row0 / 2 - layout->windows[level].row0);
-    int col = 2 * (layout->windows[level - 1].col0 / 2 - layout->windows[level].col0);
-    int fine = (shape->n - 1) / 2;
-    mark_edge(across, side, col, row, 1, 0, fine, true, ret_wrong);
-    mark_edge(across, side, col, row + 2 * fine, 1, 0, fine, true, ret_wrong);
-    mark_edge(up, side, col, row, 0, 1, fine, true, ret_wrong);
-    mark_edge(up, side, col + 2 * fine, row, 0, 1, fine, true, ret_wrong);
-    for (int b = 0; b < count; b++) {
-        struct clipmap_block k = blocks[b];
-        int x = 2 * k.col, y = 2 * k.row;
-        mark_edge(across, side, x, y, 1, 0, k.cols, k.doubled & CLIPMAP_SOUTH, ret_wrong);
-        mark_edge(across, side, x, y + 2 * k.rows, 1, 0, k.cols, k.doubled & CLIPMAP_NORTH,
-                  ret_wrong);
-        mark_edge(up, side, x, y, 0, 1, k.rows, k.doubled & CLIPMAP_WEST, ret_wrong);
-        mark_edge(up, side, x + 2 * k.cols, y, 0, 1, k.rows, k.doubled & CLIPMAP_EAST, ret_wrong);
-    }
-    free(across);
-    free(up);
-}
-
-static void shared_edges_have_the_same_vertices_on_both_sides(void)
-{
-    int wrong = 0;
-    for (size_t s = 0; s < SHAPES; s++) {
-        for (int i = 0; i < 40; i++) {
-            struct clipmap_layout layout;
-            clipmap_place(&shapes[s], random_between(-80, 80), random_between(-180, 180), 1,
-                          &layout);
-            edges_agree(&shapes[s], &layout, 1 + i % (shapes[s].levels - 1), &wrong);
-        }
-    }
-    CHECK_INT(wrong, 0);
-}
-
-static void no_edge_needs_more_than_64_segments(void)
-{
-    for (size_t s = 0; s < SHAPES; s++) {
-        int instances = clipmap_instances(&shapes[s]), longest = 0, most = 0;
-        for (int i = 0; i < 50; i++) {
-            struct clipmap_layout layout;
-            struct clipmap_block blocks[CLIPMAP_MAX_BLOCKS];
-            clipmap_place(&shapes[s], random_between(-80, 80), random_between(-180, 180), 1,
-                          &layout);
-            int count = clipmap_blocks(&shapes[s], &layout, 1, i % 2, blocks);
-            most = count > most ? count : most;
-            for (int b = 0; b < count; b++) {
-                int across = blocks[b].doubled & (CLIPMAP_SOUTH | CLIPMAP_NORTH) ? 2 : 1;
-                int up = blocks[b].doubled & (CLIPMAP_WEST | CLIPMAP_EAST) ? 2 : 1;
-                longest = blocks[b].cols * across > longest ? blocks[b].cols * across : longest;
-                longest = blocks[b].rows * up > longest ? blocks[b].rows * up : longest;
+        clipmap_ends(shape, caps, eye, ends);
+        /* A walk outwards, over all levels. */
+        double way = random_between(-M_PI, M_PI), up = i % 2 ? 0.0 : random_between(0, 1) * ends[3];
+        double turn_xi = cos(way), turn_eta = sin(way);
+        double at = 0.5 * clipmap_step_rad(shape, 0), before = 0.0;
+        int last = -1;
+        while (at < 0.35) {
+            double a = xi + at * turn_xi, b = eta + at * turn_eta, place[3];
+            if (fabs(a) >= M_PI / 4.0 || fabs(b) >= M_PI / 4.0)
+                break;
+            int level = leaf_at(shape, eye, up, ends, face, a, b);
+            if (last >= 0 && level != last) {
+                /* Somewhere between the two samples is the border. */
+                int coarse = level > last ? level : last, fine = level > last ? last : level;
+                double least, most;
+                cube_normal(face, xi + before * turn_xi, eta + before * turn_eta, place);
+                least = hypot(distance(place, eye), up);
+                cube_normal(face, a, b, place);
+                most = hypot(distance(place, eye), up);
+                borders++;
+                steps += coarse - fine > 1;
+                disagree += most < ends[fine];
+                if (coarse < shape->levels - 1)
+                    disagree += least > (1.0 - CLIPMAP_BLEND) * ends[coarse];
             }
+            last = level;
+            before = at;
+            at += 0.5 * clipmap_step_rad(shape, level);
         }
-        CHECK(longest <= 64 * instances);
-        CHECK(most <= CLIPMAP_MAX_BLOCKS);
     }
+    CHECK_INT(steps, 0);
+    CHECK_INT(disagree, 0);
+    CHECK(borders > 8000);
+}
+
+/* With everything held, levels end where they are meant to. */
+static void what_is_held_does_not_shorten_a_level(void)
+{
+    int shortened = 0;
+    for (int i = 0; i < 2000; i++) {
+        const struct clipmap_shape *shape = &shapes[i % 4];
+        struct clipmap_cap caps[CLIPMAP_MAX_LEVELS];
+        double eye[3], ends[CLIPMAP_MAX_LEVELS];
+        interesting_normal(i, eye);
+        for (int level = 0; level < shape->levels; level++) {
+            struct clipmap_reach reach = clipmap_reach(shape, level, eye);
+            memcpy(caps[level].normal, eye, sizeof(eye));
+            caps[level].normal[i % 3] += 0.9 * reach.lag;
+            caps[level].radius = reach.cap;
+        }
+        clipmap_ends(shape, caps, eye, ends);
+        for (int level = 0; level < shape->levels - 1; level++)
+            shortened += ends[level] < 0.9999 * clipmap_reach(shape, level, eye).end;
+    }
+    CHECK_INT(shortened, 0);
 }
 
 static void uncovered_rectangles_complete_the_new_window(void)
 {
-    enum { SIDE = 31, SPAN = 200 };
+    enum { SIDE = 40 };
     int wrong = 0;
     for (int i = 0; i < 3000; i++) {
-        struct clipmap_window from = {60, 60};
-        struct clipmap_window to = {60 + (int)random_between(-40, 40),
-                                    60 + (int)random_between(-40, 40)};
-        static unsigned char held[SPAN][SPAN];
-        memset(held, 0, sizeof(held));
-        for (int r = 0; r < SIDE; r++)
-            for (int c = 0; c < SIDE; c++)
-                held[from.row0 + r][from.col0 + c] = 1;
-        struct clipmap_rect rects[2];
-        int count = clipmap_uncovered(SIDE, from, to, rects);
-        for (int k = 0; k < count; k++)
-            for (int r = 0; r < rects[k].rows; r++)
-                for (int c = 0; c < rects[k].cols; c++)
-                    held[rects[k].row0 + r][rects[k].col0 + c]++;
-        for (int r = 0; r < SIDE; r++)
-            for (int c = 0; c < SIDE; c++)
-                wrong += held[to.row0 + r][to.col0 + c] == 0;
-        /* Nothing is fetched twice; what is kept is not fetched again unless all is. */
-        if (abs(to.row0 - from.row0) < SIDE && abs(to.col0 - from.col0) < SIDE)
-            for (int r = 0; r < SIDE; r++)
-                for (int c = 0; c < SIDE; c++)
-                    wrong += held[to.row0 + r][to.col0 + c] != 1;
+        struct clipmap_rect rects[4], both[2];
+        for (int k = 0; k < 2; k++)
+            both[k] = (struct clipmap_rect){(int32_t)random_between(0, 20),
+                                            (int32_t)random_between(0, 20),
+                                            (int)random_between(0, 20), (int)random_between(0, 20)};
+        int count = clipmap_uncovered(both[0], both[1], rects);
+        for (int row = 0; row < SIDE; row++)
+            for (int col = 0; col < SIDE; col++) {
+                const struct clipmap_rect place = {row, col, 1, 1};
+                int held = clipmap_common(both[0], place).rows, covered = 0;
+                int wanted = clipmap_common(both[1], place).rows;
+                for (int k = 0; k < count; k++)
+                    covered += clipmap_common(rects[k], place).rows;
+                wrong += covered != (wanted && !held);
+            }
     }
     CHECK_INT(wrong, 0);
 }
 
-static void cells_stay_near_square_as_the_meridians_close_in(void)
+static void the_finest_level_follows_the_height(void)
 {
-    double worst = 1.0;
-    for (double lat = -82.0; lat <= 82.0; lat += 0.01) {
-        double aspect = clipmap_lon_factor(lat, 0) * cos(lat * M_PI / 180.0);
-        worst = fmax(worst, fmax(aspect, 1.0 / aspect));
-    }
-    CHECK(worst < 1.0906); /* the eighth root of 2 */
-    /* Within half a degree of a band's edge it stays what it was; a first choice does not. */
-    double edge_deg = acos(exp2(-0.125)) * 180.0 / M_PI;
-    double low = clipmap_lon_factor(edge_deg - 0.1, 0),
-           high = clipmap_lon_factor(edge_deg + 0.1, 0);
-    CHECK_NEAR(low, 1.0, 0);
-    CHECK_NEAR(high, exp2(0.25), 0);
-    CHECK_NEAR(clipmap_lon_factor(edge_deg + 0.3, low), low, 0);
-    CHECK_NEAR(clipmap_lon_factor(edge_deg - 0.3, high), high, 0);
-    CHECK_NEAR(clipmap_lon_factor(edge_deg + 1.0, low), high, 0);
-    CHECK_NEAR(clipmap_lon_factor(edge_deg - 1.0, high), low, 0);
-}
-
-static void longitudes_unwrap_to_the_nearest_turn(void)
-{
-    CHECK_NEAR(longitude_unwrapped_deg(-179.9, 179.9), 180.1, 1e-12);
-    CHECK_NEAR(longitude_unwrapped_deg(179.9, -179.9), -180.1, 1e-12);
-    CHECK_NEAR(longitude_unwrapped_deg(10, 725), 730, 1e-12);
-    CHECK_NEAR(longitude_unwrapped_deg(-170, 0), -170, 0);
-}
-
-static void fine_levels_fade_before_they_go(void)
-{
-    const struct clipmap_shape *shape = &shapes[2];
-    float fade, before = 0.0f;
-    int level_before = clipmap_finest_level(shape, 0.5, &fade);
-    CHECK_INT(level_before, 0);
-    CHECK_NEAR(fade, 0, 0);
-    for (double height_m = 1.0; height_m < 500e3; height_m *= 1.001) {
-        int level = clipmap_finest_level(shape, height_m, &fade);
-        if (level != level_before) {
-            CHECK_INT(level, level_before + 1);
-            CHECK(before > 0.99f && fade < 0.01f);
-        } else {
-            CHECK(fade >= before && fade - before < 0.01f);
+    double normal[3];
+    interesting_normal(4, normal);
+    for (size_t s = 0; s < 4; s++) {
+        int last = 0;
+        for (double height_m = -50.0; height_m < 4e7; height_m = fmax(1.0, height_m * 1.3)) {
+            int level = clipmap_finest_level(&shapes[s], normal, height_m);
+            CHECK(level >= last && level < shapes[s].levels);
+            if (level > 0)
+                CHECK(height_m >=
+                      clipmap_reach(&shapes[s], level - 1, normal).end * 6378137.0 * 0.999999);
+            last = level;
         }
-        before = fade;
-        level_before = level;
+        CHECK_INT(last, shapes[s].levels - 1);
     }
-    CHECK(level_before > 8);
-    CHECK_INT(clipmap_finest_level(shape, NAN, &fade), 0);
+}
+
+static void the_coarsest_level_reaches_the_horizon_from_400_km(void)
+{
+    for (size_t s = 0; s < 4; s++) {
+        int top = shapes[s].levels - 1;
+        double normal[3];
+        for (int i = 0; i < 200; i++) {
+            interesting_normal(i, normal);
+            struct clipmap_reach reach = clipmap_reach(&shapes[s], top, normal);
+            double horizon = acos(6356.0 / (6356.0 + 400.0)) + acos(6356.0 / (6356.0 + 9.0));
+            CHECK(reach.cap - 2.0 * reach.block > 2.0 * sin(0.5 * horizon));
+        }
+    }
 }
 
 int main(void)
 {
+    shapes[0] = clipmap_shape(64, 8, 90.0 / (1 << 23));
+    shapes[1] = clipmap_shape(128, 16, 90.0 / (1 << 23));
+    shapes[2] = clipmap_shape(32, 4, 90.0 / (1 << 20));
+    shapes[3] = clipmap_shape(128, 8, 90.0 / (1 << 25));
     static const struct check_test tests[] = {
-        {"windows nest and stay about the eye", windows_nest_and_stay_about_the_eye},
-        {"blocks cover every cell outside the hole once",
-         blocks_cover_every_cell_outside_the_hole_once},
-        {"shared edges have the same vertices on both sides",
-         shared_edges_have_the_same_vertices_on_both_sides},
-        {"no edge needs more than 64 segments", no_edge_needs_more_than_64_segments},
+        {"a cap's posts fit into the storage", a_cap_s_posts_fit_into_the_storage},
+        {"blocks are as small as they are said to be", blocks_are_as_small_as_they_are_said_to_be},
+        {"neighbours differ by one level and agree", neighbours_differ_by_one_level_and_agree},
+        {"what is held does not shorten a level", what_is_held_does_not_shorten_a_level},
         {"uncovered rectangles complete the new window",
          uncovered_rectangles_complete_the_new_window},
-        {"cells stay near square as the meridians close in",
-         cells_stay_near_square_as_the_meridians_close_in},
-        {"longitudes unwrap to the nearest turn", longitudes_unwrap_to_the_nearest_turn},
-        {"fine levels fade before they go", fine_levels_fade_before_they_go},
+        {"the finest level follows the height", the_finest_level_follows_the_height},
+        {"the coarsest level reaches the horizon from 400 km",
+         the_coarsest_level_reaches_the_horizon_from_400_km},
     };
     return CHECK_MAIN(tests);
 }

@@ -3,6 +3,7 @@
 
 #include "base/clock.h"
 #include "tests/database_fixture.h"
+#include "tests/sample_grid.h"
 
 static void test_exact_posts(void)
 {
@@ -20,7 +21,7 @@ static void test_exact_posts(void)
                                     (int64_t)lrint(-23.4 / step / 2.0),
                                     41 / (1 << level),
                                     37};
-        CHECK_INT(source->ops->sample_grid(source, &grid, heights), 0);
+        CHECK_INT(sample_grid(source, &grid, heights), 0);
         int wrong = 0;
         for (int r = 0; r < grid.rows; r++)
             for (int c = 0; c < grid.cols; c++)
@@ -54,7 +55,7 @@ static void test_bilinear(void)
                                 (int64_t)lrint(-22.2 / (step / 3.0)),
                                 30,
                                 30};
-    CHECK_INT(source->ops->sample_grid(source, &grid, heights), 0);
+    CHECK_INT(sample_grid(source, &grid, heights), 0);
     for (int i = 0; i < 900; i += 7)
         CHECK_NEAR((double)heights[i],
                    point_m(source, (double)(grid.row0 + i / 30) * grid.lat_step_deg,
@@ -114,7 +115,7 @@ static void test_antimeridian_grid(void)
         double step = ldexp(1.0, level) / 7.0;
         float heights[9 * 61];
         struct terrain_grid grid = {step, step, -4, (int64_t)lrint(180.0 / step) - 30, 9, 61};
-        CHECK_INT(source->ops->sample_grid(source, &grid, heights), 0);
+        CHECK_INT(sample_grid(source, &grid, heights), 0);
         for (int i = 0; i < 9 * 61; i++) {
             double lat_deg = (double)(grid.row0 + i / 61) * step;
             double lon_deg = (double)(grid.col0 + i % 61) * step;
@@ -169,10 +170,10 @@ static void test_speed(void)
         return;
     static float heights[600 * 300];
     struct terrain_grid grid = {1.0 / 400.0, 1.0 / 400.0, 60 * 400, -22 * 400 - 200, 300, 600};
-    CHECK_INT(source->ops->sample_grid(source, &grid, heights), 0);
+    CHECK_INT(sample_grid(source, &grid, heights), 0);
     nsec_t begin = clock_thread_cpu_ns();
     for (int i = 0; i < 5; i++)
-        CHECK_INT(source->ops->sample_grid(source, &grid, heights), 0);
+        CHECK_INT(sample_grid(source, &grid, heights), 0);
     double ns = (double)(clock_thread_cpu_ns() - begin) / (5.0 * 600 * 300);
     begin = clock_thread_cpu_ns();
     double sum = 0.0;

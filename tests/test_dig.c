@@ -8,6 +8,7 @@
 #include "terrain/dig_writer.h"
 #include "terrain/query.h"
 #include "tests/database_fixture.h"
+#include "tests/sample_grid.h"
 
 #define PLACES 400
 
@@ -119,10 +120,10 @@ static void sample_grids(struct terrain_source *source, float ret_m[GRIDS][GRID_
                                     (int64_t)floor(-22.002 / step_deg / 2.0) - GRID_SIDE / 2,
                                     GRID_SIDE,
                                     GRID_SIDE};
-        int r = source->ops->sample_grid(source, &grid, ret_m[g]);
+        int r = sample_grid(source, &grid, ret_m[g]);
         for (int i = 0; r == TERRAIN_LATE && i < 20; i++) {
             source->ops->settle(source);
-            r = source->ops->sample_grid(source, &grid, ret_m[g]);
+            r = sample_grid(source, &grid, ret_m[g]);
         }
         CHECK_INT(r, 0);
     }
@@ -509,7 +510,7 @@ static void *sample_on(void *data)
                                     (int64_t)floor(-22.002 / step_deg / 2.0) - 16,
                                     32,
                                     32};
-        CHECK(reader->source->ops->sample_grid(reader->source, &grid, heights_m) >= 0);
+        CHECK(sample_grid(reader->source, &grid, heights_m) >= 0);
     }
     return NULL;
 }

@@ -8,6 +8,7 @@
 
 #include "terrain/dig_writer.h"
 #include "tests/database_fixture.h"
+#include "tests/sample_grid.h"
 
 #define KILLS  220
 #define FLIPS  300
@@ -188,7 +189,7 @@ static bool content_of(const char *path, uint64_t *ret_sum)
                                     (int64_t)floor(-22.0 / step_deg / 2.0) - 48,
                                     96,
                                     96};
-        source->ops->sample_grid(source, &grid, heights_m);
+        sample_grid(source, &grid, heights_m);
         for (int i = 0; i < 96 * 96; i++)
             sum = sum * 31 +
                   (uint64_t)(isnan(heights_m[i]) ? 77777 : llrintf(heights_m[i] * 1000.0f));

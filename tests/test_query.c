@@ -7,6 +7,7 @@
 #include "terrain/query.h"
 #include "terrain/tile_cache.h"
 #include "tests/database_fixture.h"
+#include "tests/sample_grid.h"
 #include "tests/sight_brute.h"
 
 static uint32_t seed = 1;
@@ -306,7 +307,7 @@ static void *sample_on(void *user)
     for (int i = 0; !atomic_load(&sampler->stop); i++) {
         struct terrain_grid grid = {
             1.0 / 240.0, 1.0 / 240.0, 60 * 240 + i % 200, -23 * 240 + i * 7 % 300, 100, 100};
-        if (sampler->source->ops->sample_grid(sampler->source, &grid, heights) < 0)
+        if (sample_grid(sampler->source, &grid, heights) < 0)
             CHECK_FAIL("sampling beside questions");
     }
     return NULL;

@@ -77,7 +77,7 @@ static void rough_ground_has_no_cracks(void)
 static void a_flight_has_no_cracks_at_any_step(void)
 {
     struct scene_under_test scene = {0};
-    if (!open_scene(rough_ground, 63, NULL, &scene))
+    if (!open_scene(rough_ground, 32, NULL, &scene))
         return;
     static float depth[WIDTH * HEIGHT];
     int cracks = 0;
@@ -196,26 +196,20 @@ static void the_antimeridian_is_not_seen(void)
     close_scene(&scene);
 }
 
-static void the_cpu_sends_at_most_43_vertices_a_level(void)
+static void every_size_of_the_mesh_is_drawn(void)
 {
-    static const int sizes[] = {63, 127, 255, 511};
+    static const int radii[] = {32, 64, 128, 256};
     for (int i = 0; i < 4; i++) {
-        if (gl.software && sizes[i] > 255)
-            continue; /* one of its blocks would exceed what a software draw may emit */
         struct scene_under_test scene = {0};
-        if (!open_scene(hilly_ground, sizes[i], NULL, &scene))
+        if (!open_scene(hilly_ground, radii[i], NULL, &scene))
             return;
         static float depth[WIDTH * HEIGHT];
         struct view view = view_at(46.5, 8.0, 1100.0, 50.0, -10.0, 0.0);
         struct renderer_frame frame;
         draw(&scene, &view, depth, NULL, &frame);
-        struct terrain_facts facts = {.finest_lat_step_deg = 1.0 / 98304.0};
-        struct clipmap_shape shape = renderer_shape(&facts, HEIGHT, 0.25, gl.software);
-        int levels = shape.levels + (int)lround(log2((shape.n + 1.0) / (sizes[i] + 1.0)));
-        printf("     n = %d: %u vertices, %d levels, %llu triangles\n", sizes[i],
-               frame.control_points, levels, (unsigned long long)frame.triangles);
-        CHECK(frame.control_points > 0 && frame.control_points <= 43u * (unsigned)levels);
+        printf("     radius %d: %llu triangles\n", radii[i], (unsigned long long)frame.triangles);
         CHECK(frame.triangles > 1000);
+        CHECK_INT(frame.control_points, 0);
         CHECK_INT(count_cracks(&view, depth, 200.0), 0);
         close_scene(&scene);
     }
@@ -258,7 +252,7 @@ int main(void)
         {"hills lie where they should", hills_lie_where_they_should},
         {"the same pose gives the same pixels", the_same_pose_gives_the_same_pixels},
         {"the antimeridian is not seen", the_antimeridian_is_not_seen},
-        {"the CPU sends at most 43 vertices a level", the_cpu_sends_at_most_43_vertices_a_level},
+        {"every size of the mesh is drawn", every_size_of_the_mesh_is_drawn},
         {"views of any direction and height are drawn",
          views_of_any_direction_and_height_are_drawn},
     };

@@ -8,6 +8,7 @@
 #include "terrain/query.h"
 #include "terrain/tile_cache.h"
 #include "tests/loader_fixture.h"
+#include "tests/sample_grid.h"
 
 #define CHANNELS 4
 #define LAT_DEG  60.3
@@ -48,9 +49,10 @@ static void fly_alone(struct picture *picture, const char *path, double lat_deg,
 {
     open_picture(picture, open_large(path), 1);
     for (int step = 0; step <= steps; step++) {
-        loader_wish(picture->loader, lat_deg + 0.003 * step, lon_deg + 0.001 * step, 0, true);
-        loader_wait(picture->loader);
-        take_updates(picture);
+        loader_wish(picture->loader,
+                    &(struct geodetic){lat_deg + 0.003 * step, lon_deg + 0.001 * step, 0.0}, 0,
+                    true);
+        take_answer(picture);
     }
     CHECK(!picture->late);
 }
@@ -62,7 +64,7 @@ static uint64_t tiles_decoded_by(int count)
     struct terrain_source *source = open_large(path_of("fine.db")), *watch = share(source);
     open_pictures(pictures, count, source);
     for (int i = 0; i < count; i++)
-        loader_wish(pictures[i].loader, LAT_DEG, LON_DEG, 0, false);
+        loader_wish(pictures[i].loader, &(struct geodetic){LAT_DEG, LON_DEG, 0.0}, 0, false);
     draw_until_complete(pictures, count);
     for (int i = 1; i < count; i++)
         CHECK_INT(differences(&pictures[0], &pictures[i]), 0);
@@ -98,8 +100,8 @@ static void each_ends_in_the_terrain_that_it_has_alone(void)
     CHECK_INT(query_create(&(struct query_params){.database = questions}, &query), 0);
     for (int step = 0; step <= 150; step++)
         for (int i = 0; i < CHANNELS; i++) {
-            loader_wish(pictures[i].loader, lat_deg[i] + 0.003 * step, lon_deg[i] + 0.001 * step, 0,
-                        false);
+            struct geodetic eye = {lat_deg[i] + 0.003 * step, lon_deg[i] + 0.001 * step, 0.0};
+            loader_wish(pictures[i].loader, &eye, 0, false);
             take_updates(&pictures[i]);
             CHECK_INT(query_height(query, 60.9 - 0.009 * step, -23.0, QUERY_NO_WAIT, &answer), 0);
         }
@@ -132,7 +134,7 @@ static void one_that_stops_leaves_the_others_alone(void)
         struct picture pictures[3] = {{NULL}};
         open_pictures(pictures, 3, open_large(path_of("fine.db")));
         for (int i = 0; i < 3; i++)
-            loader_wish(pictures[i].loader, LAT_DEG, LON_DEG, 0, false);
+            loader_wish(pictures[i].loader, &(struct geodetic){LAT_DEG, LON_DEG, 0.0}, 0, false);
         for (int i = 0; i < round; i++)
             nap();
         close_picture(&pictures[round % 3]); /* whoever came first, last, or between */
@@ -158,7 +160,7 @@ static void sample_until_complete(struct terrain_source *source, const struct te
 {
     int r = TERRAIN_LATE;
     for (int i = 0; r == TERRAIN_LATE && i < 100; i++) {
-        r = source->ops->sample_grid(source, grid, heights_m);
+        r = sample_grid(source, grid, heights_m);
         if (r == TERRAIN_LATE)
             source->ops->settle(source);
     }
@@ -174,8 +176,8 @@ static void who_has_gone_is_not_called(void)
     sources[1] = share(sources[0]);
     for (int i = 0; i < 2; i++) {
         CHECK_INT(sources[i]->ops->stream(sources[i], count_call, &calls[i], &diag), 0);
-        CHECK_INT(sources[i]->ops->sample_grid(sources[i], &wide, heights_m), TERRAIN_LATE);
     }
+    CHECK_INT(sample_grid(sources[0], &wide, heights_m), TERRAIN_LATE);
     for (int i = 0; i < 5000 && atomic_load(&calls[0]) == 0; i++)
         nap();
     terrain_source_destroy(sources[0]);
@@ -213,7 +215,7 @@ static void each_may_begin_and_end_in_its_own_thread(void)
     struct terrain_source *alone = open_large(path_of("fine.db"));
     size_t size = 900 * 400 * sizeof(float);
     float *known_m = malloc(size);
-    CHECK_INT(alone->ops->sample_grid(alone, &wide, known_m), 0);
+    CHECK_INT(sample_grid(alone, &wide, known_m), 0);
     terrain_source_destroy(alone);
     for (int round = 0; round < 3; round++) {
         struct sampler samplers[CHANNELS] = {{NULL}};
@@ -309,7 +311,7 @@ static void what_is_dug_is_told_to_all(void)
     database_source_share_dig(source, dig_writer_ground(writer));
     open_pictures(pictures, 2, source);
     for (int i = 0; i < 2; i++)
-        loader_wish(pictures[i].loader, LAT_DEG, LON_DEG, 0, false);
+        loader_wish(pictures[i].loader, &(struct geodetic){LAT_DEG, LON_DEG, 0.0}, 0, false);
     draw_until_complete(pictures, 2);
     dig_crater(writer, LAT_DEG, 600.0);
     fly_alone(&after, path, LAT_DEG, LON_DEG, 0);
@@ -349,7 +351,7 @@ static void *wander(void *data)
                                     -11200 + (int64_t)(seed >> 8) % 900,
                                     2,
                                     2};
-        CHECK(wanderer->source->ops->sample_grid(wanderer->source, &grid, height_m) >= 0);
+        CHECK(sample_grid(wanderer->source, &grid, height_m) >= 0);
         atomic_fetch_add(&wanderer->rounds, 1);
     }
     return NULL;
@@ -374,7 +376,7 @@ static void memory_is_bounded_and_nobody_waits_for_the_others(void)
          i++) {
         struct terrain_grid grid = {1.0 / 960.0, 2.0 / 960.0, 57700 + 60 * (i % 20), -10900, 2, 2};
         nsec_t begin_ns = clock_monotonic_ns();
-        CHECK(patient->ops->sample_grid(patient, &grid, height_m) >= 0);
+        CHECK(sample_grid(patient, &grid, height_m) >= 0);
         patient->ops->settle(patient);
         CHECK(clock_monotonic_ns() - begin_ns < 20 * NSEC_PER_SEC);
         CHECK(terrain_source_counts(patient).tiles_resident <= 64);
@@ -397,10 +399,10 @@ static void the_planet_is_there_until_the_last_has_gone(void)
     struct terrain_source *first = NULL;
     CHECK_INT(planet_open(&first, &diag), 0);
     struct terrain_source *second = share(first), *third = share(second);
-    CHECK_INT(first->ops->sample_grid(first, &grid, known_m), 0);
+    CHECK_INT(sample_grid(first, &grid, known_m), 0);
     terrain_source_destroy(first);
     terrain_source_destroy(third);
-    CHECK_INT(second->ops->sample_grid(second, &grid, heights_m), 0);
+    CHECK_INT(sample_grid(second, &grid, heights_m), 0);
     CHECK(memcmp(heights_m, known_m, sizeof(known_m)) == 0);
     terrain_source_destroy(second);
 }

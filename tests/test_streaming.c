@@ -6,6 +6,7 @@
 #include "base/clock.h"
 #include "terrain/tile_cache.h"
 #include "tests/loader_fixture.h"
+#include "tests/sample_grid.h"
 
 static atomic_uint arrivals;
 
@@ -26,15 +27,15 @@ static void what_is_late_is_coarser_at_first(void)
     struct terrain_source *source = open_source(path_of("exact.db"));
     if (!patient || !source)
         return;
-    CHECK_INT(patient->ops->sample_grid(patient, &place, known), 0);
+    CHECK_INT(sample_grid(patient, &place, known), 0);
     CHECK_INT(source->ops->stream(source, on_arrival, NULL, &diag), 0);
-    CHECK_INT(source->ops->sample_grid(source, &place, first), TERRAIN_LATE);
+    CHECK_INT(sample_grid(source, &place, first), TERRAIN_LATE);
     CHECK(terrain_source_counts(source).tile_misses > 0);
     CHECK(terrain_source_counts(source).tiles_pending > 0);
     int r = TERRAIN_LATE;
     for (int i = 0; r == TERRAIN_LATE && i < 20; i++) {
         source->ops->settle(source);
-        r = source->ops->sample_grid(source, &place, last);
+        r = sample_grid(source, &place, last);
     }
     CHECK_INT(r, 0);
     CHECK(memcmp(last, known, sizeof(known)) == 0);
@@ -56,14 +57,14 @@ static void what_was_asked_for_ahead_is_there(void)
     CHECK_INT(source->ops->stream(source, on_arrival, NULL, &diag), 0);
     source->ops->focus(source, 60.5, -22.5);
     unsigned before = atomic_load(&arrivals), seen = before - 1;
-    source->ops->prefetch(source, &place);
+    prefetch_grid(source, &place);
     while (seen != atomic_load(&arrivals)) { /* until nothing has come for 50 ms */
         seen = atomic_load(&arrivals);
         for (int i = 0; i < 50; i++)
             nap();
     }
     CHECK(seen > before);
-    CHECK_INT(source->ops->sample_grid(source, &place, heights), 0);
+    CHECK_INT(sample_grid(source, &place, heights), 0);
     CHECK_INT(terrain_source_counts(source).tile_misses, 0);
     CHECK(terrain_source_counts(source).prefetched > 0);
     terrain_source_destroy(source);
@@ -84,7 +85,7 @@ static void a_small_database_is_not_looked_for_far_around(void)
     int r = TERRAIN_LATE;
     for (int i = 0; r == TERRAIN_LATE && i < 20; i++) {
         source->ops->settle(source);
-        r = source->ops->sample_grid(source, &around, heights);
+        r = sample_grid(source, &around, heights);
     }
     CHECK_INT(r, 0);
     CHECK(terrain_source_counts(source).tiles_resident < 30);
@@ -154,7 +155,8 @@ static void many_threads_see_whole_tiles_only(void)
 
 static void wish_for(struct picture *picture, int step, bool patient)
 {
-    loader_wish(picture->loader, 60.0 + 0.003 * step, -22.6 + 0.001 * step, 0, patient);
+    loader_wish(picture->loader, &(struct geodetic){60.0 + 0.003 * step, -22.6 + 0.001 * step, 0.0},
+                0, patient);
 }
 
 /* One picture waits for every tile and is sampled by one thread; the other never waits and is
@@ -165,7 +167,7 @@ static void a_flight_that_outruns_its_tiles_ends_in_the_same_terrain(void)
     open_picture(&patient, open_source(path_of("exact.db")), 1);
     open_picture(&hasty, open_source(path_of("exact.db")), 4);
     wish_for(&hasty, 0, false);
-    for (int i = 0; hasty.layout.lon_factor == 0.0 && i < 5000; i++, nap())
+    for (int i = 0; hasty.levels[0].cap.radius == 0.0 && i < 5000; i++, nap())
         take_updates(&hasty);
     CHECK(hasty.was_late);
     for (int step = 1; step <= 400; step++) {
@@ -174,8 +176,7 @@ static void a_flight_that_outruns_its_tiles_ends_in_the_same_terrain(void)
     }
     for (int step = 0; step <= 400; step++) {
         wish_for(&patient, step, true);
-        loader_wait(patient.loader);
-        take_updates(&patient);
+        take_answer(&patient);
         CHECK(!patient.late);
     }
     draw_until_complete(&hasty, 1);

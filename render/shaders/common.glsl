@@ -1,33 +1,39 @@
 // What every stage shares: the scene block (render/scene.h mirrors it), the sky, the haze.
 
 const int MAX_LEVELS = 20;
+const int PANES = 3; // of a level: on faces 0 or 3, 1 or 4, 2 or 5 of the cube (geo/cube.h)
 
-struct Level {
-    ivec4 origin; // xy: column and row of the window's first post in finest posts from the eye's
-                  //     base post; zw: the same post's place in the toroidal storage
-    vec4 blend;   // xy: the eye in posts from the window's first post; z: where the blend starts,
-                  // in posts from there; w: 1 / its width
-    vec4 fade;    // x: least blend of the whole level; y: metres by which a block bulges over its
-                  // corners' plane; z: the last post's index (n - 1); w: the level's shift
+struct Pane {
+    vec4 along_xi, along_eta; // how the eye's normal changes with the face's coordinates, enu; w: the
+                              // tangents u0, v0 of the eye's angles on the face
+    mat3 axes;                // the face's c, a, b in enu
+    vec4 base;                // xy: the base half-post from the eye (rad)
+    ivec4 origin;             // xy: the eye's base half-post of level 0 (column, row) on this face;
+                              // z: the face
 };
 
 layout(std140, binding = 0) uniform Scene {
     mat4 clip_from_enu;   // of positions relative to the eye
     vec4 planes[4];       // the frustum's sides through the eye, inward normals, enu
     vec4 eye_trig;        // sin and cos of the latitude; N0; height above the ellipsoid, m
-    vec4 grid;            // column and row spacing (rad); the base post from the eye (rad), xy
-    vec4 eye_texture;     // xy: the base post modulo 2^20; z: storage side; w: 1 / that
+    vec4 grid;            // x: half-posts of level 0 (rad); y: from the eye to the nearest ground, in
+                          // Earth's radii; z: posts of level 0 a pixel covers at 1 m; w: near, m
+    vec4 eye_rest;        // x: what the height lacks, for it is one float; y: 1 / where level 0 ends for
+                          // shading; z: 1 / the share of a level that is blended
     vec4 sun;             // enu direction; w: 1 above, 0 below the horizon (smooth)
     vec4 haze;            // x: extinction at the eye, 1/m; y: 1 / scale height; z: eye's altitude;
                           // w: time of day's ambient strength
-    vec4 view_rays[2];    // tangents: left, bottom, right, top; least blend of the finest level drawn,
-                          // unused, finest posts a pixel covers at 1 m, near distance (m)
+    vec4 view_rays;       // tangents: left, bottom, right, top
     mat4 enu_from_eye;
-    ivec4 base;           // the eye's base post (column, row); storage side - 1; finest and coarsest
-                          // level drawn, 8 bits each
-    vec4 blend;           // for shading: xy: the centre of blending in finest posts from the base
-                          // post; z: 1 / posts from there to a level's end; w: z's inverse over width
-    Level levels[MAX_LEVELS];
+    ivec4 sizes;          // storage side in posts; half-posts along a face at level 0; finest and
+                          // coarsest level held
+    Pane panes[PANES];
+    ivec4 edges[4 * PANES]; // across the sides west, east, south, north of a pane: the neighbour's pane
+                            // (-1: not near), side, 1 where it runs backwards, its face
+    vec4 levels[MAX_LEVELS]; // chords (terrain/clipmap.h): where the level ends, 0: it is not there;
+                             // where its blending starts; 1 / from there to the end; no point of a
+                             // block is farther from its middle
+    ivec4 windows[PANES * MAX_LEVELS]; // first column, first row, columns, rows that are held
 } scene;
 
 vec3 sky_colour(vec3 direction)
@@ -63,71 +69,88 @@ vec3 displayed(vec3 radiance)
     radiance = radiance * (1.0 + radiance * 0.12) / (1.0 + radiance * 0.55);
     return sqrt(clamp(radiance * 1.12, 0.0, 1.0));
 }
-// Positions relative to the eye on WGS84 by differences that do not cancel.
+// Positions relative to the eye on WGS84 by differences that do not cancel: decision 0013. A place is
+// the difference dn of its unit normal from the eye's, and a height.
 
 const float WGS84_A = 6378137.0;
 const float WGS84_E2 = 6.69437999014e-3;
 
-// sin(x) to a few units in the last place for |x| <= 1.6: the hardware's own is only good to
-// about 2^-21 in absolute terms, which is nothing where x is small.
-float small_sin(float x)
+// tan(x) to a few units in the last place for |x| <= 1.2: the hardware's own is only good to about
+// 2^-21 in absolute terms, which is nothing where x is small.
+vec2 exact_tan(vec2 x)
 {
-    float x2 = x * x;
-    return x * (1.0 + x2 * (-1.0 / 6.0 + x2 * (1.0 / 120.0 + x2 * (-1.0 / 5040.0 +
-           x2 * (1.0 / 362880.0 - x2 / 39916800.0)))));
+    vec2 h = 0.5 * x, h2 = h * h;
+    vec2 s = h * (1.0 + h2 * (-1.0 / 6.0 + h2 * (1.0 / 120.0 + h2 * (-1.0 / 5040.0 + h2 / 362880.0))));
+    vec2 c = 1.0 + h2 * (-0.5 + h2 * (1.0 / 24.0 + h2 * (-1.0 / 720.0 + h2 * (1.0 / 40320.0 -
+             h2 / 3628800.0))));
+    return 2.0 * s * c / (1.0 - 2.0 * s * s);
 }
 
-// East, north, up from the eye of a point d_lat and d_lon (rad) away, height_m above the ellipsoid.
-vec3 enu_from_difference(float d_lat, float d_lon, float height_m)
+// From a half-post of a level on a pane's face.
+vec3 normal_difference(int pane, ivec2 halves, int level)
+{
+    Pane at = scene.panes[pane];
+    vec2 angle = vec2((halves << level) - at.origin.xy) * scene.grid.x + at.base.xy;
+    vec2 t = exact_tan(angle);
+    vec2 g = t / (1.0 - vec2(at.along_xi.w, at.along_eta.w) * t);
+    vec3 m = g.x * at.along_xi.xyz + g.y * at.along_eta.xyz;
+    float scale = 1.0 / sqrt((1.0 + m.z) * (1.0 + m.z) + dot(m.xy, m.xy));
+    vec3 dn = vec3(m.xy * scale, 0.0);
+    dn.z = -dot(dn, dn) / (1.0 + (1.0 + m.z) * scale);
+    return dn;
+}
+
+// East, north, up from the eye of a place that is `height_m` above the ellipsoid, `rise_m` higher than
+// the eye.
+vec3 enu_from_difference(vec3 dn, float height_m, float rise_m)
 {
     float sin0 = scene.eye_trig.x, cos0 = scene.eye_trig.y, n0 = scene.eye_trig.z;
-    float rise = height_m - scene.eye_trig.w;
-    float s = small_sin(0.5 * d_lat);
-    float c = sqrt(1.0 - s * s);
-    float sin_d = 2.0 * s * c, one_minus_cos_d = 2.0 * s * s;
-    float ds = cos0 * sin_d - sin0 * one_minus_cos_d;
-    float dc = -sin0 * sin_d - cos0 * one_minus_cos_d;
+    float ds = cos0 * dn.y + sin0 * dn.z;
     float w0 = 1.0 - WGS84_E2 * sin0 * sin0;
     float dw = -WGS84_E2 * ds * (2.0 * sin0 + ds);
     float root0 = sqrt(w0), root1 = sqrt(w0 + dw);
-    float dn = -WGS84_A * dw / (root0 * root1 * (root0 + root1));
-    float radius = n0 + dn + height_m;
-    float d_rho = (dn + rise) * cos0 + radius * dc;
-    float dz = ((1.0 - WGS84_E2) * dn + rise) * sin0 +
-               ((1.0 - WGS84_E2) * (n0 + dn) + height_m) * ds;
-    float half_lon = small_sin(0.5 * d_lon);
-    float cos_half = sqrt(1.0 - half_lon * half_lon);
-    float ring = radius * (cos0 + dc);
-    float dx = d_rho - ring * 2.0 * half_lon * half_lon;
-    float east = ring * 2.0 * half_lon * cos_half;
-    return vec3(east, cos0 * dz - sin0 * dx, cos0 * dx + sin0 * dz);
+    float d_radius = -WGS84_A * dw / (root0 * root1 * (root0 + root1));
+    float radius = n0 + d_radius;
+    return (radius + height_m) * dn + vec3(0.0, 0.0, d_radius + rise_m) -
+           WGS84_E2 * (radius * ds + d_radius * sin0) * vec3(0.0, cos0, sin0);
 }
 
-// The inverse for shading: longitude and latitude (rad) from the eye of a point given from the eye. By
-// the centre of curvature of the eye's meridian: the error grows as e^2 times the square of the angle, a
-// metre at 25 km and far below a post or texel wherever a level of that spacing is drawn.
-vec2 angle_from_enu(vec3 enu)
+// How much higher than the eye a height is.
+float rise_of(float height_m)
+{
+    return (height_m - scene.eye_trig.w) - scene.eye_rest.x;
+}
+
+// The inverse: dn, and in w how much higher than the eye the place is (m).
+vec4 difference_from_enu(vec3 enu)
 {
     float sin0 = scene.eye_trig.x, cos0 = scene.eye_trig.y, n0 = scene.eye_trig.z;
-    float h0 = scene.eye_trig.w;
-    float dx = cos0 * enu.z - sin0 * enu.y, dz = sin0 * enu.z + cos0 * enu.y;
-    float x = (n0 + h0) * cos0 + dx;
-    float d_lon = atan(enu.x / x);
-    float d_rho = dx + enu.x * enu.x / (sqrt(x * x + enu.x * enu.x) + x);
-    float north = cos0 * dz - sin0 * d_rho, up = cos0 * d_rho + sin0 * dz;
-    float meridian_radius = n0 * (1.0 - WGS84_E2) / (1.0 - WGS84_E2 * sin0 * sin0);
-    float d_lat = atan(north / (meridian_radius + h0 + up));
-    return vec2(d_lon, d_lat);
+    float h0 = scene.eye_trig.w, polar = (1.0 - WGS84_E2) * n0;
+    float length0 = n0 + h0, enu2 = 2.0 * length0 * enu.z + dot(enu, enu);
+    float rise = enu2 / (sqrt(length0 * length0 + enu2) + length0);
+    // The normal is parallel to the position with its polar part times (N + h) / ((1 - e2) N + h).
+    float stretch0 = (n0 + h0) / (polar + h0);
+    float d_stretch = -rise * n0 * WGS84_E2 / ((polar + h0 + rise) * (polar + h0));
+    float dz = cos0 * enu.y + sin0 * enu.z, z0 = (polar + h0) * sin0;
+    vec3 d = enu + ((stretch0 - 1.0) * dz + d_stretch * (z0 + dz)) * vec3(0.0, cos0, sin0);
+    float d_length2 = 2.0 * length0 * d.z + dot(d, d);
+    float length1 = sqrt(length0 * length0 + d_length2);
+    vec3 dn = vec3(d.xy / length1, 0.0);
+    dn.z = -dot(dn, dn) / (1.0 + sqrt(max(1.0 - dot(dn, dn), 0.0)));
+    float ds = cos0 * dn.y + sin0 * dn.z;
+    float w0 = 1.0 - WGS84_E2 * sin0 * sin0, w1 = w0 - WGS84_E2 * ds * (2.0 * sin0 + ds);
+    float d_radius = WGS84_A * (w0 - w1) / (sqrt(w0 * w1) * (sqrt(w0) + sqrt(w1)));
+    return vec4(dn, d_length2 / (length1 + length0) - d_radius);
 }
 
-const float RIM = 4.0; // posts over which the blend is forced to 1 whatever the eye does
-
-// How far a place in a level's window is blended into the coarser level.
-float blend_at(vec2 local, Level level)
+// How far a place is from the eye, as levels count it.
+float distance_of(vec3 dn)
 {
-    vec2 from_eye = abs(local - level.blend.xy);
-    vec2 from_rim = min(local, level.fade.z - local);
-    float by_eye = clamp((max(from_eye.x, from_eye.y) - level.blend.z) * level.blend.w, 0.0, 1.0);
-    float by_rim = clamp(1.0 - min(from_rim.x, from_rim.y) / RIM, 0.0, 1.0);
-    return max(max(by_eye, by_rim), level.fade.x);
+    return sqrt(dot(dn, dn) + scene.grid.y * scene.grid.y);
+}
+
+// How far a level is blended into the coarser one.
+float blend_at(vec3 dn, vec4 level)
+{
+    return clamp((distance_of(dn) - level.y) * level.z, 0.0, 1.0);
 }

@@ -15,15 +15,15 @@ shared_of()
     esac
 }
 
-# Checks a stage with and without imagery.
+# Checks a stage in all its variants: with and without imagery; both steps of select.comp.
 check()
 {
     stage=${1##*.}
-    for variant in "0 0" "1 0" "0 1" "1 1"; do
+    for variant in "0 0 0" "1 0 1" "0 1 0" "1 1 1"; do
         {
-            # shellcheck disable=SC2086 # two numbers
-            printf '#version 450 core\n#define COLOUR %d\n#define WATER %d\n' $variant
-            echo '#define INSTANCES 1'
+            # shellcheck disable=SC2086 # three numbers
+            printf '#version 450 core\n#define COLOUR %d\n#define WATER %d\n#define SPLIT %d\n' $variant
+            printf '#define BLOCK 8\n#define TABLE 32\n#define DRAWS 2\n#define BLOCKS_A_DRAW 9\n'
             shared_of "$1"
             cat "$1"
         } | "$validator" --stdin -S "$stage" >"$output.log" 2>&1 ||

@@ -10,33 +10,86 @@ const float SURFACE_STEEPEST = 4.0;
 const float PHOTO_RELIEF = 0.4;  // how much of a slope is seen on a photograph
 const float PHOTO_ALBEDO = 0.42; // of what is white there
 
-// Slopes (as terrain/loader.h codes them) and water at a place on the finest grid. The storage is
-// toroidal, so a post's texel follows from its address alone and no window has to be looked up.
-vec3 surface_of_level(vec2 grid, int level)
+// A place on the ground as its face of the cube has it.
+struct Spot {
+    int pane;
+    ivec2 origin;    // the eye's base half-post of level 0 there
+    vec2 halves;     // half-posts of level 0 from it
+    vec3 normal;     // of the ellipsoid, enu at the eye
+    vec3 along, across; // the directions of slopes: of growing xi, and to its left
+};
+
+// Software rasterisers look up what has an index of its own value by value, so panes are chosen by
+// comparing.
+Pane pane_of(int pane)
 {
-    float spacing = exp2(float(-level));
-    ivec2 base = scene.base.xy << 1; // in half-posts
-    vec2 texel = vec2((base >> level) & (2 * scene.base.z + 1)) +
-                 (vec2(base & ((1 << level) - 1)) + 2.0 * grid) * spacing + 0.5;
-    return textureLod(surfaces, vec3(texel * (0.5 * scene.eye_texture.w), level), 0.0).xyz;
+    Pane chosen = scene.panes[0];
+    if (pane == 1)
+        chosen = scene.panes[1];
+    else if (pane == 2)
+        chosen = scene.panes[2];
+    return chosen;
 }
 
-// From the level that covers the place, blended into the next as the geometry is.
-vec3 surface_at(vec2 grid)
+Spot spot_at(vec3 dn)
 {
-    vec2 from_eye = abs(grid - scene.blend.xy);
-    float posts = max(max(from_eye.x, from_eye.y), 1.0);
-    int first = scene.base.w & 255, last = scene.base.w >> 8;
-    int level = clamp(int(ceil(log2(posts * scene.blend.z))), first, last);
-    float blend = clamp((posts * exp2(float(-level)) * scene.blend.z - 1.0) * scene.blend.w + 1.0,
-                        0.0, 1.0);
-    if (level == first)
-        blend = max(blend, scene.view_rays[1].x);
-    vec3 own = surface_of_level(grid, level);
+    Spot spot;
+    spot.normal = vec3(dn.xy, 1.0 + dn.z);
+    float most = 0.0;
+    for (int p = 0; p < PANES; p++) {
+        float toward = dot(scene.panes[p].axes[0], spot.normal);
+        if (toward > most) {
+            most = toward;
+            spot.pane = p;
+        }
+    }
+    Pane at = pane_of(spot.pane);
+    spot.origin = at.origin.xy;
+    vec2 eye = vec2(at.along_xi.w, at.along_eta.w);
+    vec3 d = dn * at.axes; // in the face's axes
+    vec2 change = (d.yz - eye * d.x) / most;
+    vec2 angle = atan(change / (1.0 + eye * (eye + change)));
+    spot.halves = (angle - at.base.xy) / scene.grid.x;
+    spot.along = normalize(at.axes[1] - spot.normal * dot(at.axes[1], spot.normal));
+    spot.across = cross(spot.normal, spot.along);
+    return spot;
+}
+
+// Slopes (as terrain/loader.h codes them) and water. The storage is toroidal, so a half-post's texel
+// follows from its address alone and no window has to be looked up.
+vec3 surface_of_level(Spot spot, int level)
+{
+    int side = 2 * scene.sizes.x;
+    vec2 texel = vec2((spot.origin >> level) & (side - 1)) +
+                 (vec2(spot.origin & ((1 << level) - 1)) + spot.halves) * exp2(float(-level)) + 0.5;
+    return textureLod(surfaces, vec3(texel / float(side), PANES * level + spot.pane), 0.0).xyz;
+}
+
+// From the level that covers the place, blended into the next as the geometry is: levels end at
+// distances that double.
+vec3 surface_at(Spot spot, vec3 dn)
+{
+    float away = distance_of(dn) * scene.eye_rest.y;
+    int first = scene.sizes.z, last = scene.sizes.w;
+    int level = clamp(int(ceil(log2(away))), first, last);
+    vec3 own = surface_of_level(spot, level);
+    float blend = clamp((away * exp2(float(-level)) - 1.0) * scene.eye_rest.z + 1.0, 0.0, 1.0);
     if (blend > 0.0 && level < last)
-        own = mix(own, surface_of_level(grid, level + 1), blend);
+        own = mix(own, surface_of_level(spot, level + 1), blend);
     vec2 code = own.xy * (255.0 / 127.0) - 128.0 / 127.0;
     return vec3(SURFACE_STEEPEST * code * abs(code), own.z);
+}
+
+// For what lies on geographic grids: longitude and latitude (rad) from the eye.
+vec2 angle_from_difference(vec3 dn)
+{
+    float sin0 = scene.eye_trig.x, cos0 = scene.eye_trig.y;
+    float dx = cos0 * dn.z - sin0 * dn.y, dz = sin0 * dn.z + cos0 * dn.y;
+    float x = cos0 + dx, from_axis = length(vec2(x, dn.x));
+    float d_axis = dx + dn.x * dn.x / (from_axis + x);
+    if (x < 0.0)
+        d_axis = from_axis - cos0;
+    return vec2(atan(dn.x, x), atan(cos0 * dz - sin0 * d_axis, from_axis * cos0 + (sin0 + dz) * sin0));
 }
 
 // What grows or lies there. `wide` varies over kilometres, `near` over metres; both are fixed to the
@@ -79,10 +132,11 @@ float power32(float x)
     return x * x;
 }
 
-vec3 water_radiance(vec3 view, vec3 normal, vec3 sun_colour, vec3 ambient, vec3 body)
+vec3 water_radiance(vec3 view, vec3 normal, vec3 up, vec3 sun_colour, vec3 ambient, vec3 body)
 {
     vec3 mirrored = reflect(view, normal);
-    mirrored.z = abs(mirrored.z);
+    float above = dot(mirrored, up);
+    mirrored += (abs(above) - above) * up;
     float facing = 1.0 - max(dot(-view, normal), 0.0);
     float facing2 = facing * facing;
     float fresnel = 0.02 + 0.98 * facing2 * facing2 * facing;
@@ -91,73 +145,82 @@ vec3 water_radiance(vec3 view, vec3 normal, vec3 sun_colour, vec3 ambient, vec3 
                fresnel) + sun_colour * glint * 0.8;
 }
 
+// The normal of ground with such slopes.
+vec3 tilted(Spot spot, vec2 slope)
+{
+    return normalize(spot.normal - slope.x * spot.along - slope.y * spot.across);
+}
+
 #if COLOUR
 // A photograph has light and shade of its own, so slopes count for less than they do elsewhere. Where
 // its texels are larger than pixels neither slopes nor what grows there is in it: then slopes count in
 // full, and noise gives it a texture (`mottle`, about 0).
-vec3 photo_radiance(vec3 photo, float mottle, vec2 slope, vec2 rough_slope, float enlargement,
-                    vec3 sun_colour, vec3 ambient)
+vec3 photo_radiance(vec3 photo, float mottle, Spot spot, vec2 slope, vec2 rough_slope,
+                    float enlargement, vec3 sun_colour, vec3 ambient)
 {
     float lacking = clamp(0.25 * enlargement, 0.0, 1.0);
-    vec3 normal = normalize(vec3(-mix(PHOTO_RELIEF * slope, rough_slope, lacking), 1.0));
+    vec3 normal = tilted(spot, mix(PHOTO_RELIEF * slope, rough_slope, lacking));
     float lit = max(dot(normal, scene.sun.xyz), 0.0);
     vec3 albedo = PHOTO_ALBEDO * photo * (1.0 + mottle * lacking);
-    return albedo * (sun_colour * lit + ambient * (0.55 + 0.45 * normal.z));
+    return albedo * (sun_colour * lit + ambient * (0.55 + 0.45 * dot(normal, spot.normal)));
 }
 #endif
 
-vec3 ground_radiance(vec3 enu, vec3 view, float distance_m, float altitude_km)
+vec3 ground_radiance(vec3 dn, vec3 view, float distance_m, float altitude_km)
 {
-    vec2 angle = angle_from_enu(enu);
-    vec2 grid = (angle - scene.grid.zw) / scene.grid.xy;
-    vec3 surface = surface_at(grid);
-    vec2 place = grid + scene.eye_texture.xy;
+    Spot spot = spot_at(dn);
+    vec3 surface = surface_at(spot, dn);
+    vec2 place = 0.5 * (spot.halves + vec2(spot.origin & ((1 << 21) - 1)));
     // Finest posts that a pixel covers, lengthened by half of the foreshortening.
-    float posts = distance_m * scene.view_rays[1].z * inversesqrt(clamp(-view.z, 0.02, 1.0));
+    float facing = -dot(view, spot.normal);
+    float posts = distance_m * scene.grid.z * inversesqrt(clamp(facing, 0.02, 1.0));
     float lod = log2(posts) - 0.6;
     vec4 wide = textureLod(ground, place * (1.0 / 16384.0), lod - 6.0);
     vec4 middle = textureLod(ground, place * (1.0 / 2048.0), lod - 3.0);
     vec4 near = textureLod(ground, place * (1.0 / 256.0), lod);
+    // From where its tiles would be seen to stand in rows there is no noise.
+    wide = mix(vec4(0.5), wide, clamp(3.7 - 0.5 * lod, 0.0, 1.0));
+    middle = mix(vec4(0.5), middle, clamp(2.7 - 0.5 * lod, 0.0, 1.0));
 
     float steepness = length(surface.xy);
     float water = surface.z;
 #if COLOUR || WATER
-    ImageSpot spot = image_spot(angle, distance_m, -view.z);
+    ImageSpot image = image_spot(angle_from_difference(dn), distance_m, facing);
 #endif
 #if WATER
-    vec2 mask = image_lookup(image_waters, spot).xy;
+    vec2 mask = image_lookup(image_waters, image).xy;
     water = water * (1.0 - mask.y) + mask.x;
 #endif
     water = smoothstep(0.45, 0.55, water);
     vec2 bumps = (wide.xy - 0.5) * 0.7 + (middle.xy - 0.5) * 1.3 + (near.xy - 0.5) * 1.4;
     vec2 slope = surface.xy + bumps * (0.12 + 0.88 * min(steepness, 1.0)) * (1.0 - water);
     slope += (near.xy - 0.5) * 0.05 * water;
-    vec3 normal = normalize(vec3(-slope, 1.0));
+    vec3 normal = tilted(spot, slope);
 
     vec3 sun_colour = mix(vec3(2.9, 1.5, 0.7), vec3(3.5, 3.25, 2.8),
                           clamp(scene.sun.z * 3.0, 0.0, 1.0)) * scene.sun.w;
     vec3 ambient = vec3(0.26, 0.36, 0.54) * scene.haze.w;
     vec3 body = vec3(0.012, 0.045, 0.075);
 #if COLOUR
-    vec4 photo = image_colour(spot);
+    vec4 photo = image_colour(image);
     body = mix(body, photo.rgb, photo.a);
 #endif
     if (water >= 1.0)
-        return water_radiance(view, normal, sun_colour, ambient, body);
+        return water_radiance(view, normal, spot.normal, sun_colour, ambient, body);
     float lit = max(dot(normal, scene.sun.xyz), 0.0);
     vec3 albedo =
         land_colour(altitude_km, steepness, mix(wide, middle, 0.35), mix(middle, near, 0.5));
-    vec3 radiance = albedo * (sun_colour * lit + ambient * (0.55 + 0.45 * normal.z));
+    vec3 radiance = albedo * (sun_colour * lit + ambient * (0.55 + 0.45 * dot(normal, spot.normal)));
 #if COLOUR
     // A noise that is far away enough for its tiles to stand in rows is left out.
     vec3 strength = clamp(vec3(3.0, 2.0, 1.0) - 0.25 * lod, 0.0, 1.0);
     float mottle = dot((vec3(wide.z, middle.z, near.z) - 0.5) * strength, vec3(0.6, 0.6, 0.8));
-    vec3 lit_photo = photo_radiance(photo.rgb, mottle, surface.xy, slope,
-                                    spot.enlargement, sun_colour, ambient);
+    vec3 lit_photo = photo_radiance(photo.rgb, mottle, spot, surface.xy, slope,
+                                    image.enlargement, sun_colour, ambient);
     radiance = mix(radiance, lit_photo, photo.a);
 #endif
     if (water > 0.0)
-        radiance = mix(radiance, water_radiance(view, normal, sun_colour, ambient, body),
+        radiance = mix(radiance, water_radiance(view, normal, spot.normal, sun_colour, ambient, body),
                        water);
     return radiance;
 }
@@ -174,12 +237,10 @@ vec3 shaded(vec2 tangent, float depth)
         float disc = smoothstep(0.99996, 0.99999, dot(view, scene.sun.xyz));
         radiance += vec3(12.0, 10.5, 8.0) * disc * scene.sun.w;
     } else {
-        vec3 enu = ray * (scene.view_rays[1].w / depth);
-        float distance_m = ray_length * (scene.view_rays[1].w / depth);
-        // The height difference along the line of sight, the Earth's curvature included.
-        float rise_m = enu.z + dot(enu.xy, enu.xy) * (0.5 / 6.371e6);
-        vec3 land = ground_radiance(enu, view, distance_m, (scene.haze.z + rise_m) * 1e-3);
-        float clear = transmittance(distance_m, rise_m);
+        float distance_m = ray_length * (scene.grid.w / depth);
+        vec4 place = difference_from_enu(ray * (scene.grid.w / depth));
+        vec3 land = ground_radiance(place.xyz, view, distance_m, (scene.haze.z + place.w) * 1e-3);
+        float clear = transmittance(distance_m, place.w);
         radiance = mix(sky_colour(vec3(view.xy, 0.0)), land, clear);
     }
     return displayed(radiance);

@@ -4,6 +4,6 @@ out vec2 tangent;
 void main()
 {
     vec2 corner = vec2((gl_VertexID << 1) & 2, gl_VertexID & 2);
-    tangent = mix(scene.view_rays[0].xy, scene.view_rays[0].zw, corner);
+    tangent = mix(scene.view_rays.xy, scene.view_rays.zw, corner);
     gl_Position = vec4(corner * 2.0 - 1.0, 0.0, 1.0);
 }

@@ -9,6 +9,6 @@ void main()
     if (pixel.x >= size.x || pixel.y >= size.y)
         return;
     vec2 place = (vec2(pixel) + 0.5) / vec2(size);
-    vec2 tangent = mix(scene.view_rays[0].xy, scene.view_rays[0].zw, place);
+    vec2 tangent = mix(scene.view_rays.xy, scene.view_rays.zw, place);
     imageStore(picture, pixel, vec4(shaded(tangent, texelFetch(depths, pixel, 0).r), 1.0));
 }

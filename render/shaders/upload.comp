@@ -11,7 +11,7 @@ struct Rect {
     ivec4 place; // where it begins in words; 2 * level, + 1 for surfaces; side of the texture - 1;
                  // its first work group
 };
-layout(std140, binding = 2) uniform Rects { Rect rects[120]; };
+layout(std140, binding = 2) uniform Rects { Rect rects[360]; };
 
 layout(location = 0) uniform int rect_count;
 

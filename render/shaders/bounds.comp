@@ -1,0 +1,39 @@
+// Finds the least and greatest height of the blocks that an update has changed.
+layout(local_size_x = 64) in;
+
+layout(binding = 0) uniform sampler2DArray heights;
+layout(binding = 0, rg32f) writeonly uniform image2DArray bounds;
+
+struct Rect {
+    ivec4 part;  // first column and row, columns, blocks in all
+    ivec4 place; // x: layer; w: its first work group
+};
+layout(std140, binding = 2) uniform Rects { Rect rects[360]; };
+
+layout(location = 0) uniform ivec2 range; // first rectangle and end
+
+void main()
+{
+    int group = int(gl_WorkGroupID.x), first = range.x, end = range.y; // the rectangle is among these
+    while (end - first > 1) {
+        int middle = (first + end) / 2;
+        if (rects[middle].place.w <= group)
+            first = middle;
+        else
+            end = middle;
+    }
+    ivec4 part = rects[first].part, place = rects[first].place;
+    int i = (group - place.w) * 64 + int(gl_LocalInvocationID.x);
+    if (i >= part.w)
+        return;
+    ivec2 block = part.xy + ivec2(i % part.z, i / part.z);
+    int mask = textureSize(heights, 0).x - 1;
+    vec2 range_m = vec2(1e30, -1e30);
+    for (int row = 0; row <= BLOCK; row++)
+        for (int col = 0; col <= BLOCK; col++) {
+            ivec2 post = (block * BLOCK + ivec2(col, row)) & mask;
+            vec2 pair = texelFetch(heights, ivec3(post, place.x), 0).rg;
+            range_m = vec2(min(range_m.x, min(pair.x, pair.y)), max(range_m.y, max(pair.x, pair.y)));
+        }
+    imageStore(bounds, ivec3(block & (imageSize(bounds).x - 1), place.x), vec4(range_m, 0.0, 0.0));
+}

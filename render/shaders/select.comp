@@ -1,0 +1,163 @@
+// Chooses the blocks of a frame. With SPLIT it says of every block that a level holds whether it is
+// split into four of the next finer level; without, it lists those that are not split, whose parents
+// are, and that can be seen.
+//
+// A pane's blocks lie in a toroidal table of TABLE x TABLE, as its posts do in their storage.
+layout(local_size_x = 8, local_size_y = 8) in;
+
+struct Draw {
+    uint vertices, instances, first, base_instance;
+};
+
+layout(std430, binding = 0) buffer Splits { uint splits[]; };
+layout(std430, binding = 1) buffer Draws {
+    uint count;
+    uint unused[3];
+    Draw draws[];
+};
+layout(std430, binding = 2) writeonly buffer Blocks { ivec4 blocks[]; };
+layout(binding = 0) uniform sampler2DArray bounds; // least and greatest height
+
+bool is_held(ivec2 block, int level, int pane)
+{
+    ivec4 window = scene.windows[PANES * level + pane];
+    ivec2 first = block * BLOCK, cells = ivec2(scene.sizes.y >> (level + 1));
+    return window.z > 0 && all(greaterThanEqual(first, max(window.xy, ivec2(0)))) &&
+           all(lessThan(first + BLOCK, min(window.xy + window.zw, cells + 1)));
+}
+
+int entry_of(ivec2 block, int level, int pane)
+{
+    ivec2 at = block & (TABLE - 1);
+    return ((PANES * level + pane) * TABLE + at.y) * TABLE + at.x;
+}
+
+vec3 middle_of(ivec2 block, int level, int pane)
+{
+    return normal_difference(pane, (2 * block + 1) * BLOCK, level);
+}
+
+#if SPLIT
+
+// Whether a block is near enough to be split; then the finer level has all of it.
+bool is_split(vec3 middle, int level)
+{
+    float end = level > 0 ? scene.levels[level - 1].x : 0.0;
+    float across = max(length(middle) - scene.levels[level].w, 0.0);
+    return across * across + scene.grid.y * scene.grid.y < end * end;
+}
+
+void choose(ivec2 block, int level, int pane, int entry)
+{
+    splits[entry] = is_held(block, level, pane) && is_split(middle_of(block, level, pane), level)
+                        ? 1u : 0u;
+}
+
+#else
+
+const float LOWEST_LAND_M = 500.0; // below the ellipsoid: deeper than the shores of the Dead Sea
+
+bool splits_at(ivec2 block, int level, int pane)
+{
+    return is_held(block, level, pane) && splits[entry_of(block, level, pane)] == 1u;
+}
+
+// Whether the block across a side is split; not where there is none near.
+bool splits_across(ivec2 block, int level, int pane, int side)
+{
+    int last = (scene.sizes.y >> (level + 1)) / BLOCK - 1;
+    ivec2 across = block + (side < 2 ? ivec2(2 * side - 1, 0) : ivec2(0, 2 * side - 5));
+    if (any(lessThan(across, ivec2(0))) || any(greaterThan(across, ivec2(last)))) {
+        ivec4 edge = scene.edges[4 * pane + side];
+        int way = side < 2 ? block.y : block.x;
+        if (edge.x < 0)
+            return false;
+        pane = edge.x;
+        across = ivec2((edge.y & 1) * last, edge.z == 1 ? last - way : way);
+        across = edge.y < 2 ? across : across.yx;
+    }
+    return splits_at(across, level, pane);
+}
+
+bool outside_frustum(vec3 corners[8], float margin_m)
+{
+    for (int p = 0; p < 4; p++) {
+        float nearest = -1e30;
+        for (int i = 0; i < 8; i++)
+            nearest = max(nearest, dot(scene.planes[p].xyz, corners[i]));
+        if (nearest < -margin_m)
+            return true;
+    }
+    return false;
+}
+
+// Metres to the horizon from `height_m` above the ellipsoid, along a line that touches the lowest
+// land there is: nothing is farther away than this and its own height's share together.
+float horizon_m(float height_m)
+{
+    float above = max(height_m + LOWEST_LAND_M, 0.0);
+    return sqrt(above * (2.0 * WGS84_A + above));
+}
+
+bool can_be_seen(ivec2 block, int level, int pane, vec3 middle)
+{
+    ivec3 texel = ivec3(block & (TABLE - 1), PANES * level + pane);
+    vec2 height = texelFetch(bounds, texel, 0).rg + vec2(-0.5, 0.5);
+    vec3 corners[8];
+    for (int i = 0; i < 4; i++) {
+        ivec2 post = (block + ivec2(i & 1, i >> 1)) * BLOCK;
+        vec3 dn = normal_difference(pane, 2 * post, level);
+        corners[2 * i] = enu_from_difference(dn, height.x, rise_of(height.x));
+        corners[2 * i + 1] = enu_from_difference(dn, height.y, rise_of(height.y));
+    }
+    float bound = scene.levels[level].w;
+    // Between its corners a block bulges over their plane; and a chord of normals, times the least radius 
+    // of curvature, is nearer than the place itself.
+    float bulge_m = WGS84_A * bound * bound + 1.0;
+    float distance_m = 6.33e6 * max(length(middle) - bound, 0.0);
+    return distance_m < horizon_m(scene.eye_trig.w) + horizon_m(height.y) &&
+           !outside_frustum(corners, bulge_m);
+}
+
+void choose(ivec2 block, int level, int pane, int entry)
+{
+    if (!is_held(block, level, pane) || splits[entry] == 1u)
+        return;
+    if (level < scene.sizes.w && !splits_at(block >> 1, level + 1, pane))
+        return;
+    vec3 middle = middle_of(block, level, pane);
+    vec4 own = scene.levels[level];
+    if (level == scene.sizes.w && length(middle) + own.w > own.x)
+        return;
+    if (!can_be_seen(block, level, pane, middle))
+        return;
+    int doubled = 0;
+    for (int side = 0; side < 4; side++)
+        doubled |= splits_across(block, level, pane, side) ? 1 << side : 0;
+    uint index = atomicAdd(count, 1u);
+    if (index >= uint(DRAWS * BLOCKS_A_DRAW))
+        return;
+    atomicAdd(draws[index / uint(BLOCKS_A_DRAW)].vertices, 1u);
+    blocks[index] = ivec4(block * BLOCK, level + 32 * pane, doubled);
+}
+
+#endif
+
+void main()
+{
+#if SPLIT
+    if (gl_WorkGroupID == uvec3(0u)) {
+        for (uint i = gl_LocalInvocationIndex; i < uint(DRAWS); i += 64u)
+            draws[i].vertices = 0u;
+        count = 0u;
+    }
+#endif
+    int level = int(gl_WorkGroupID.z) / PANES, pane = int(gl_WorkGroupID.z) % PANES;
+    ivec4 window = scene.windows[PANES * level + pane];
+    if (window.z == 0)
+        return;
+    // The block at this entry of the table that lies in the window.
+    ivec2 first = window.xy >> findMSB(BLOCK);
+    ivec2 block = first + ((ivec2(gl_GlobalInvocationID.xy) - first) & (TABLE - 1));
+    choose(block, level, pane, entry_of(block, level, pane));
+}
