@@ -100,17 +100,23 @@ vec3 normal_difference(int pane, ivec2 halves, int level)
     return dn;
 }
 
+// How much longer the radius of curvature in the prime vertical is where the normal's polar part is
+// `ds` greater.
+float radius_change(float ds)
+{
+    float sin0 = scene.eye_trig.x, w0 = 1.0 - WGS84_E2 * sin0 * sin0;
+    float dw = -WGS84_E2 * ds * (2.0 * sin0 + ds);
+    float root0 = sqrt(w0), root1 = sqrt(w0 + dw);
+    return -WGS84_A * dw / (root0 * root1 * (root0 + root1));
+}
+
 // East, north, up from the eye of a place that is `height_m` above the ellipsoid, `rise_m` higher than
 // the eye.
 vec3 enu_from_difference(vec3 dn, float height_m, float rise_m)
 {
     float sin0 = scene.eye_trig.x, cos0 = scene.eye_trig.y, n0 = scene.eye_trig.z;
     float ds = cos0 * dn.y + sin0 * dn.z;
-    float w0 = 1.0 - WGS84_E2 * sin0 * sin0;
-    float dw = -WGS84_E2 * ds * (2.0 * sin0 + ds);
-    float root0 = sqrt(w0), root1 = sqrt(w0 + dw);
-    float d_radius = -WGS84_A * dw / (root0 * root1 * (root0 + root1));
-    float radius = n0 + d_radius;
+    float d_radius = radius_change(ds), radius = n0 + d_radius;
     return (radius + height_m) * dn + vec3(0.0, 0.0, d_radius + rise_m) -
            WGS84_E2 * (radius * ds + d_radius * sin0) * vec3(0.0, cos0, sin0);
 }
@@ -138,9 +144,7 @@ vec4 difference_from_enu(vec3 enu)
     vec3 dn = vec3(d.xy / length1, 0.0);
     dn.z = -dot(dn, dn) / (1.0 + sqrt(max(1.0 - dot(dn, dn), 0.0)));
     float ds = cos0 * dn.y + sin0 * dn.z;
-    float w0 = 1.0 - WGS84_E2 * sin0 * sin0, w1 = w0 - WGS84_E2 * ds * (2.0 * sin0 + ds);
-    float d_radius = WGS84_A * (w0 - w1) / (sqrt(w0 * w1) * (sqrt(w0) + sqrt(w1)));
-    return vec4(dn, d_length2 / (length1 + length0) - d_radius);
+    return vec4(dn, d_length2 / (length1 + length0) - radius_change(ds));
 }
 
 // How far a place is from the eye, as levels count it.
