@@ -74,11 +74,10 @@ struct scene_under_test {
     struct readback *depth, *colour;
 };
 
-/* `radius` = 0: what suits the screen. Takes the imagery, which may be NULL. */
-static inline bool open_scene(double (*height_m)(double, double), int radius,
-                              struct imagery *imagery, struct scene_under_test *ret)
+/* `radius` = 0: what suits the screen. Takes the source and the imagery, which may be NULL. */
+static inline bool open_scene_over(struct terrain_source *source, int radius,
+                                   struct imagery *imagery, struct scene_under_test *ret)
 {
-    struct terrain_source *source = formula_create(height_m);
     struct terrain_facts facts;
     source->ops->facts(source, &facts);
     struct renderer_params params = {
@@ -99,6 +98,12 @@ static inline bool open_scene(double (*height_m)(double, double), int radius,
     if (r < 0)
         CHECK_FAIL("%s", diag.text);
     return r == 0;
+}
+
+static inline bool open_scene(double (*height_m)(double, double), int radius,
+                              struct imagery *imagery, struct scene_under_test *ret)
+{
+    return open_scene_over(formula_create(height_m), radius, imagery, ret);
 }
 
 static inline void close_scene(struct scene_under_test *scene)
@@ -148,6 +153,28 @@ static inline void draw(struct scene_under_test *scene, struct view *view, float
     }
     if (ret_frame)
         *ret_frame = frame;
+}
+
+/* The angle of a pixel's ray above the horizontal. */
+static inline double elevation_rad(const struct view *view, int row, int col)
+{
+    double x = view->tan_left + (view->tan_right - view->tan_left) * (col + 0.5) / WIDTH;
+    double y = view->tan_bottom + (view->tan_top - view->tan_bottom) * (row + 0.5) / HEIGHT;
+    double up =
+        view->enu_from_eye[2][0] * x + view->enu_from_eye[2][1] * y - view->enu_from_eye[2][2];
+    return asin(up / sqrt(x * x + y * y + 1.0));
+}
+
+/* Sky pixels well below the horizon of the lowest ground: cracks. */
+static inline int count_cracks(const struct view *view, const float *depth, double lowest_m)
+{
+    double dip_rad = acos(6.35e6 / (6.35e6 + fmax(view->eye.height_m - lowest_m, 0.0)));
+    int cracks = 0;
+    for (int row = 0; row < HEIGHT; row++)
+        for (int col = 0; col < WIDTH; col++)
+            cracks += depth[row * WIDTH + col] <= 0.0f &&
+                      elevation_rad(view, row, col) < -dip_rad - 0.004;
+    return cracks;
 }
 
 /* Runs the tests with a context, in the tested manner of `run_tests`; the value is main's exit

@@ -18,28 +18,6 @@ static double hilly_ground(double lat_deg, double lon_deg)
            3.0 * sin(turn * 320.0 * lat_deg + 1.0) * sin(turn * 270.0 * lon_deg);
 }
 
-/* The angle of a pixel's ray above the horizontal. */
-static double elevation_rad(const struct view *view, int row, int col)
-{
-    double x = view->tan_left + (view->tan_right - view->tan_left) * (col + 0.5) / WIDTH;
-    double y = view->tan_bottom + (view->tan_top - view->tan_bottom) * (row + 0.5) / HEIGHT;
-    double up =
-        view->enu_from_eye[2][0] * x + view->enu_from_eye[2][1] * y - view->enu_from_eye[2][2];
-    return asin(up / sqrt(x * x + y * y + 1.0));
-}
-
-/* Sky pixels well below the horizon of the lowest ground: cracks. */
-static int count_cracks(const struct view *view, const float *depth, double lowest_m)
-{
-    double dip_rad = acos(6.35e6 / (6.35e6 + fmax(view->eye.height_m - lowest_m, 0.0)));
-    int cracks = 0;
-    for (int row = 0; row < HEIGHT; row++)
-        for (int col = 0; col < WIDTH; col++)
-            cracks += depth[row * WIDTH + col] <= 0.0f &&
-                      elevation_rad(view, row, col) < -dip_rad - 0.004;
-    return cracks;
-}
-
 static const double places[][2] = {
     {46.5, 8.0},  {0.0, 0.0},      {-33.9, 18.4}, {59.6, 10.0},  {60.4, -150.0},
     {79.5, 15.0}, {-79.9, 179.99}, {12.0, 180.0}, {64.0, -22.0}, {-5.0, -179.9999},
