@@ -42,6 +42,7 @@ static int create_renderer(struct channel *channel, const struct channel_params 
         .fallback = terrain.fallback,
         .geoid = terrain.geoid,
         .imagery = terrain.imagery,
+        .samples = params->samples,
     };
     return renderer_create(&renderer, &channel->gl, &channel->renderer, diag);
 }

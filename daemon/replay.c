@@ -127,7 +127,10 @@ int replay_fly(const struct flight *flight, const struct replay_params *params,
     count_poses(flight, ret_report);
     struct channel *channel = NULL;
     struct frame_output *output = NULL;
-    int r = channel_create(&params->channel, &channel, diag);
+    struct channel_params eye = params->channel;
+    if (params->output.geo_dir)
+        eye.samples = 1; /* a pixel has one place */
+    int r = channel_create(&eye, &channel, diag);
     struct frame_output_params files = params->output;
     files.width = params->channel.width;
     files.height = params->channel.height;

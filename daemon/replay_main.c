@@ -20,6 +20,7 @@ enum {
     OPT_SPEED,
     OPT_TECHNIQUE,
     OPT_PIXEL_ERROR,
+    OPT_SAMPLES,
     OPT_FRAMES,
     OPT_EVERY,
     OPT_VIDEO,
@@ -51,6 +52,8 @@ static const struct argp_option known[] = {
     {"pixel-error", OPT_PIXEL_ERROR, "PX", 0, "error allowed on the screen (default 1)", 0},
     {"time-utc", OPT_UTC, "TIME", 0,
      "when the flight starts, for the sun: 2026-06-21T09:30:00Z (default: ten in the morning)", 0},
+    {"samples", OPT_SAMPLES, "1|4", 0,
+     "of a pixel, for smooth edges (default 4 on a GPU, else 1; with --geo always 1)", 0},
     {"frames", OPT_FRAMES, "DIR", 0, "write frames as DIR/frame-%06d.png", 0},
     {"every", OPT_EVERY, "N", 0, "only every Nth frame to --frames and --geo", 0},
     {"video", OPT_VIDEO, "FILE.mp4", 0, "write a video (needs ffmpeg)", 0},
@@ -116,6 +119,11 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
         return 0;
     case OPT_PIXEL_ERROR:
         params->channel.pixel_error = cli_number(state, "pixel-error", argument, 0.1, 100.0);
+        return 0;
+    case OPT_SAMPLES:
+        if (strcmp(argument, "1") != 0 && strcmp(argument, "4") != 0)
+            argp_error(state, "--samples takes 1 or 4, not \"%s\"", argument);
+        params->channel.samples = atoi(argument);
         return 0;
     case OPT_UTC:
         if (clock_parse_utc(argument, &params->utc_ns) < 0)

@@ -3,6 +3,7 @@
 #include <epoxy/gl.h>
 #include <errno.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -22,7 +23,7 @@
 enum pass { PASS_UPLOAD, PASS_TERRAIN, PASS_SHADE, PASSES, PASS_MARKS = PASSES + 1 };
 
 struct renderer {
-    int width, height;
+    int width, height, samples;
     struct clipmap_shape shape;
     struct loader *loader;
     struct clipmap_pass *clipmap;
@@ -62,8 +63,13 @@ struct clipmap_shape renderer_shape(const struct terrain_facts *facts, int heigh
 static int create_framebuffers(struct renderer *renderer, struct diag *diag)
 {
     int width = renderer->width, height = renderer->height;
-    glCreateTextures(GL_TEXTURE_2D, 1, &renderer->depth);
-    glTextureStorage2D(renderer->depth, 1, GL_DEPTH_COMPONENT32F, width, height);
+    bool one = renderer->samples == 1;
+    glCreateTextures(one ? GL_TEXTURE_2D : GL_TEXTURE_2D_MULTISAMPLE, 1, &renderer->depth);
+    if (one)
+        glTextureStorage2D(renderer->depth, 1, GL_DEPTH_COMPONENT32F, width, height);
+    else
+        glTextureStorage2DMultisample(renderer->depth, renderer->samples, GL_DEPTH_COMPONENT32F,
+                                      width, height, GL_TRUE);
     glCreateFramebuffers(1, &renderer->geometry_framebuffer);
     glNamedFramebufferTexture(renderer->geometry_framebuffer, GL_DEPTH_ATTACHMENT, renderer->depth,
                               0);
@@ -96,11 +102,31 @@ static void destroy_sources(const struct renderer_params *params)
     imagery_close(params->imagery);
 }
 
+/* Where the samples of a pixel lie, for shade.glsl. */
+static void describe_samples(const struct renderer *renderer, size_t size, char *ret)
+{
+    size_t used = (size_t)snprintf(ret, size, "#define SAMPLES %d\n#define SAMPLE_PLACES ",
+                                   renderer->samples);
+    glBindFramebuffer(GL_FRAMEBUFFER, renderer->geometry_framebuffer);
+    for (int i = 0; i < renderer->samples; i++) {
+        GLfloat place[2] = {0.5f, 0.5f};
+        if (renderer->samples > 1)
+            glGetMultisamplefv(GL_SAMPLE_POSITION, (GLuint)i, place);
+        used += (size_t)snprintf(ret + used, size - used, "%svec2(%.6f, %.6f)", i ? ", " : "",
+                                 (double)place[0], (double)place[1]);
+    }
+    snprintf(ret + used, size - used, "\n");
+}
+
 static int create_shading(struct renderer *renderer, const struct gl_facts *facts,
                           struct diag *diag)
 {
+    char defines[512];
+    size_t images =
+        (size_t)snprintf(defines, sizeof(defines), "%s", image_pass_defines(renderer->images));
+    describe_samples(renderer, sizeof(defines) - images, defines + images);
     const struct program_params shade = {.name = facts->software ? "shade" : "shade_compute",
-                                         .defines = image_pass_defines(renderer->images),
+                                         .defines = defines,
                                          .shared = {"images.glsl", "shade.glsl"}};
     return program_create(&shade, &renderer->shade_program, diag);
 }
@@ -133,6 +159,7 @@ int renderer_create(const struct renderer_params *params, const struct gl_facts 
     }
     renderer->width = params->width;
     renderer->height = params->height;
+    renderer->samples = params->samples ? params->samples : facts->software ? 1 : 4;
     renderer->shape = params->shape;
     renderer->shade_in_compute = !facts->software;
     renderer->debug_groups = facts->debug;

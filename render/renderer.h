@@ -21,6 +21,7 @@ struct renderer_params {
     struct terrain_source *fallback; /* likewise; may be NULL */
     struct geoid *geoid;             /* likewise; may be NULL */
     struct imagery *imagery;         /* likewise; may be NULL */
+    int samples; /* of a pixel: 1, or 4 for smooth edges; 0: 4, but on software rasterisers 1 */
 };
 
 struct renderer_frame {
@@ -60,7 +61,8 @@ void renderer_draw(struct renderer *renderer, struct view *view);
 /* Waits until the frame is finished and says what it cost. */
 void renderer_finish(struct renderer *renderer, struct renderer_frame *ret_frame);
 
-/* The framebuffer objects that hold the finished frame and the depth that it was shaded from. */
+/* The framebuffer objects that hold the finished frame and the depth that it was shaded from, which
+ * can be read back (READBACK_DEPTH) where a pixel has one sample. */
 unsigned renderer_framebuffer(const struct renderer *renderer);
 unsigned renderer_depth_framebuffer(const struct renderer *renderer);
 

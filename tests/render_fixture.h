@@ -74,8 +74,9 @@ struct scene_under_test {
     struct readback *depth, *colour;
 };
 
-/* `radius` = 0: what suits the screen. Takes the source and the imagery, which may be NULL. */
-static inline bool open_scene_over(struct terrain_source *source, int radius,
+/* `radius` = 0: what suits the screen. Depth can be read back where `samples` is 1. Takes the
+ * source and the imagery, which may be NULL. */
+static inline bool open_scene_over(struct terrain_source *source, int radius, int samples,
                                    struct imagery *imagery, struct scene_under_test *ret)
 {
     struct terrain_facts facts;
@@ -86,6 +87,7 @@ static inline bool open_scene_over(struct terrain_source *source, int radius,
         .shape = renderer_shape(&facts, HEIGHT, 0.25, gl.software),
         .source = source,
         .imagery = imagery,
+        .samples = samples,
     };
     if (radius)
         params.shape = clipmap_shape(radius, radius / 8, facts.finest_lat_step_deg);
@@ -103,7 +105,7 @@ static inline bool open_scene_over(struct terrain_source *source, int radius,
 static inline bool open_scene(double (*height_m)(double, double), int radius,
                               struct imagery *imagery, struct scene_under_test *ret)
 {
-    return open_scene_over(formula_create(height_m), radius, imagery, ret);
+    return open_scene_over(formula_create(height_m), radius, 1, imagery, ret);
 }
 
 static inline void close_scene(struct scene_under_test *scene)

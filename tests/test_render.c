@@ -155,6 +155,57 @@ static void the_same_pose_gives_the_same_pixels(void)
     close_scene(&scene);
 }
 
+/* Whether a pixel or one beside it is another surface's. */
+static bool is_edge(const float *depth, int at)
+{
+    float least = depth[at], most = depth[at];
+    for (int row = -1; row <= 1; row++)
+        for (int col = -1; col <= 1; col++) {
+            float other = depth[at + row * WIDTH + col];
+            least = fminf(least, other);
+            most = fmaxf(most, other);
+        }
+    return most - least > 0.03f * most;
+}
+
+static int greatest_difference(uint32_t a, uint32_t b)
+{
+    int greatest = 0;
+    for (int shift = 0; shift < 24; shift += 8) {
+        int difference = abs((int)(a >> shift & 255) - (int)(b >> shift & 255));
+        greatest = difference > greatest ? difference : greatest;
+    }
+    return greatest;
+}
+
+static void four_samples_smooth_edges_and_change_nothing_else(void)
+{
+    struct scene_under_test one = {0}, four = {0};
+    static float depth[WIDTH * HEIGHT];
+    static uint32_t plain[WIDTH * HEIGHT], smooth[WIDTH * HEIGHT];
+    struct view view = view_at(46.5, 8.0, 1000.0, 50.0, -4.0, 20.0);
+    if (!open_scene(hilly_ground, 0, NULL, &one) ||
+        !open_scene_over(formula_create(hilly_ground), 0, 4, NULL, &four))
+        return;
+    draw(&one, &view, depth, plain, NULL);
+    draw(&four, &view, NULL, smooth, NULL);
+    int smoothed = 0, edges = 0, elsewhere = 0;
+    for (int row = 1; row < HEIGHT - 1; row++)
+        for (int col = 1; col < WIDTH - 1; col++) {
+            int at = row * WIDTH + col, difference = greatest_difference(plain[at], smooth[at]);
+            bool edge = is_edge(depth, at);
+            edges += edge;
+            smoothed += edge && difference > 8;
+            elsewhere += !edge && difference > 8;
+        }
+    printf("     %d of %d pixels at edges are others, and %d elsewhere\n", smoothed, edges,
+           elsewhere);
+    CHECK(smoothed > 100);
+    CHECK(elsewhere < 20);
+    close_scene(&one);
+    close_scene(&four);
+}
+
 /* The antimeridian is a place like any other: the picture over it is the one over 0, moved. */
 static void the_antimeridian_is_not_seen(void)
 {
@@ -229,6 +280,8 @@ int main(void)
         {"flat ground lies where it should", flat_ground_lies_where_it_should},
         {"hills lie where they should", hills_lie_where_they_should},
         {"the same pose gives the same pixels", the_same_pose_gives_the_same_pixels},
+        {"four samples smooth edges and change nothing else",
+         four_samples_smooth_edges_and_change_nothing_else},
         {"the antimeridian is not seen", the_antimeridian_is_not_seen},
         {"every size of the mesh is drawn", every_size_of_the_mesh_is_drawn},
         {"views of any direction and height are drawn",

@@ -13,6 +13,7 @@ _otwd_values() {
     --vertical) echo "egm96 egm2008 egm84 ellipsoid" ;;
     --datum) echo "egm96 ellipsoid" ;;
     --speed) echo "max" ;;
+    --samples) echo "1 4" ;;
     bench) echo "codec" ;;
     --to) echo "udp:// can: sim:" ;;
     esac

@@ -5,5 +5,5 @@ layout(location = 0) out vec4 colour;
 
 void main()
 {
-    colour = vec4(shaded(tangent, texelFetch(depths, ivec2(gl_FragCoord.xy), 0).r), 1.0);
+    colour = vec4(pixel_shown(ivec2(gl_FragCoord.xy), tangent), 1.0);
 }

@@ -1,10 +1,16 @@
 // Shades every pixel once, from the depth that the terrain pass drew: sky where there is none, else
 // land and water from slopes, altitude and noise fixed to the ground. The cost of a frame's shading
-// is thus the same whatever the geometry.
+// is thus the same whatever the geometry, but for pixels on an edge where they have several samples:
+// those are shaded one by one.
 
 layout(binding = 1) uniform sampler2DArray surfaces; // slope east, slope north (coded), water
 layout(binding = 2) uniform sampler2D ground;        // tiling: slope x, slope y, two noises
-layout(binding = 3) uniform sampler2D depths;        // near / distance along the view axis
+// Near / distance along the view axis.
+#if SAMPLES > 1
+layout(binding = 3) uniform sampler2DMS depths;
+#else
+layout(binding = 3) uniform sampler2D depths;
+#endif
 
 const float SURFACE_STEEPEST = 4.0;
 const float PHOTO_RELIEF = 0.4;  // how much of a slope is seen on a photograph
@@ -225,7 +231,7 @@ vec3 ground_radiance(vec3 dn, vec3 view, float distance_m, float altitude_km)
     return radiance;
 }
 
-// What a pixel shows whose ray goes through `tangent` of the view. `depth` is near over distance.
+// What is seen through `tangent` of the view. `depth` is near over distance.
 vec3 shaded(vec2 tangent, float depth)
 {
     vec3 ray = mat3(scene.enu_from_eye) * vec3(tangent, -1.0);
@@ -245,3 +251,42 @@ vec3 shaded(vec2 tangent, float depth)
     }
     return displayed(radiance);
 }
+
+#if SAMPLES > 1
+
+// Samples whose depths differ by more than this share are of two surfaces, or of one that is seen so
+// flatly that no harm is done.
+const float EDGE = 0.05;
+
+const vec2 sample_places[SAMPLES] = vec2[](SAMPLE_PLACES);
+
+// What a pixel shows, the view's tangent at its middle. Depth is linear across a surface, and the
+// samples lie evenly around the middle.
+vec3 pixel_shown(ivec2 pixel, vec2 tangent)
+{
+    float depth[SAMPLES], least = 1e30, most = 0.0, sum = 0.0;
+    for (int i = 0; i < SAMPLES; i++) {
+        depth[i] = texelFetch(depths, pixel, i).r;
+        least = min(least, depth[i]);
+        most = max(most, depth[i]);
+        sum += depth[i];
+    }
+    if (most - least <= EDGE * most)
+        return shaded(tangent, sum / float(SAMPLES));
+    vec2 pixel_size = (scene.view_rays.zw - scene.view_rays.xy) / vec2(textureSize(depths));
+    vec3 light = vec3(0.0); // which adds up; what is stored is its root
+    for (int i = 0; i < SAMPLES; i++) {
+        vec3 own = shaded(tangent + (sample_places[i] - 0.5) * pixel_size, depth[i]);
+        light += own * own;
+    }
+    return sqrt(light / float(SAMPLES));
+}
+
+#else
+
+vec3 pixel_shown(ivec2 pixel, vec2 tangent)
+{
+    return shaded(tangent, texelFetch(depths, pixel, 0).r);
+}
+
+#endif
