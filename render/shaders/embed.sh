@@ -22,8 +22,9 @@ check()
     stage=${1##*.}
     for variant in "0 0 0 1" "1 0 1 2" "0 1 0 2" "1 1 1 1"; do
         {
+            printf '#version 450 core\n'
             # shellcheck disable=SC2086 # four numbers
-            printf '#version 450 core\n#define COLOUR %d\n#define WATER %d\n#define SPLIT %d\n#define SAMPLES %d\n' $variant
+            printf '#define COLOUR %d\n#define WATER %d\n#define SPLIT %d\n#define SAMPLES %d\n' $variant
             printf '#define BLOCK 8\n#define TABLE 32\n#define DRAWS 2\n#define BLOCKS_A_DRAW 9\n'
             printf '#define SAMPLE_PLACES vec2(0.25), vec2(0.75)\n'
             shared_of "$1"
