@@ -40,10 +40,16 @@ enum config_backend {
     CONFIG_BACKEND_WINDOW,
 };
 
+enum config_samples {
+    CONFIG_SAMPLES_ONE = 1,
+    CONFIG_SAMPLES_FOUR = 4,
+};
+
 struct config_display {
     enum config_backend backend;
     unsigned width, height; /* pixels */
     double rate_hz;
+    enum config_samples samples;   /* of a pixel */
     char monitor[CONFIG_TEXT_MAX]; /* empty: the primary one */
     bool fullscreen;
 };

@@ -20,6 +20,7 @@ static const struct config_key keys[] = {
     {"display.width", "1920", 16, 16384, "pixels"},
     {"display.height", "1080", 16, 16384, "pixels"},
     {"display.rate_hz", "60", 1, 1000, "Hz"},
+    {"display.samples", "1"},
     {"display.monitor", ""},
     {"display.fullscreen", "false"},
     {"terrain.database", ""},

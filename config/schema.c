@@ -35,12 +35,19 @@ static const cyaml_strval_t backend_words[] = {
     {"window", CONFIG_BACKEND_WINDOW},
 };
 
+static const cyaml_strval_t samples_words[] = {
+    {"1", CONFIG_SAMPLES_ONE},
+    {"4", CONFIG_SAMPLES_FOUR},
+};
+
 static const cyaml_schema_field_t display_fields[] = {
     CYAML_FIELD_ENUM("backend", WORD, struct config_display, backend, backend_words,
                      CYAML_ARRAY_LEN(backend_words)),
     CYAML_FIELD_UINT("width", OPTIONAL, struct config_display, width),
     CYAML_FIELD_UINT("height", OPTIONAL, struct config_display, height),
     CYAML_FIELD_FLOAT("rate_hz", OPTIONAL, struct config_display, rate_hz),
+    CYAML_FIELD_ENUM("samples", WORD, struct config_display, samples, samples_words,
+                     CYAML_ARRAY_LEN(samples_words)),
     CYAML_FIELD_STRING("monitor", OPTIONAL, struct config_display, monitor, 0),
     CYAML_FIELD_BOOL("fullscreen", OPTIONAL, struct config_display, fullscreen),
     CYAML_FIELD_END,

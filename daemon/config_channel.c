@@ -8,6 +8,7 @@ void config_to_channel(const struct config *config, struct channel_params *ret_p
     *ret_params = (struct channel_params){
         .width = (int)config->display.width,
         .height = (int)config->display.height,
+        .samples = (int)config->display.samples,
         .geometry = {.offset_m = {offset->x_m, offset->y_m, offset->z_m},
                      .yaw_deg = offset->yaw_deg,
                      .pitch_deg = offset->pitch_deg,

@@ -159,7 +159,7 @@ int renderer_create(const struct renderer_params *params, const struct gl_facts 
     }
     renderer->width = params->width;
     renderer->height = params->height;
-    renderer->samples = params->samples ? params->samples : facts->software ? 1 : 4;
+    renderer->samples = params->samples ? params->samples : 1;
     renderer->shape = params->shape;
     renderer->shade_in_compute = !facts->software;
     renderer->debug_groups = facts->debug;

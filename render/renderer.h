@@ -21,7 +21,7 @@ struct renderer_params {
     struct terrain_source *fallback; /* likewise; may be NULL */
     struct geoid *geoid;             /* likewise; may be NULL */
     struct imagery *imagery;         /* likewise; may be NULL */
-    int samples; /* of a pixel: 1, or 4 for smooth edges; 0: 4, but on software rasterisers 1 */
+    int samples;                     /* of a pixel: 1, or 4 for smooth edges; 0: 1 */
 };
 
 struct renderer_frame {

@@ -54,6 +54,7 @@ static void check_defaults(const struct config *c)
     CHECK_INT(c->display.width, 1920);
     CHECK_INT(c->display.height, 1080);
     CHECK_NEAR(c->display.rate_hz, 60, 0);
+    CHECK_INT(c->display.samples, CONFIG_SAMPLES_ONE);
     CHECK_STRING(c->display.monitor, "");
     CHECK(!c->display.fullscreen);
     CHECK_STRING(c->terrain.database, "");
