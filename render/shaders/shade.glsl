@@ -271,15 +271,16 @@ vec3 pixel_shown(ivec2 pixel, vec2 tangent)
         most = max(most, depth[i]);
         sum += depth[i];
     }
-    if (most - least <= EDGE * most)
-        return shaded(tangent, sum / float(SAMPLES));
+    bool edge = most - least > EDGE * most;
     vec2 pixel_size = (scene.view_rays.zw - scene.view_rays.xy) / vec2(textureSize(depths));
     vec3 light = vec3(0.0); // which adds up; what is stored is its root
-    for (int i = 0; i < SAMPLES; i++) {
-        vec3 own = shaded(tangent + (sample_places[i] - 0.5) * pixel_size, depth[i]);
+    int count = edge ? SAMPLES : 1;
+    for (int i = 0; i < count; i++) {
+        vec2 off = edge ? (sample_places[i] - 0.5) * pixel_size : vec2(0.0);
+        vec3 own = shaded(tangent + off, edge ? depth[i] : sum / float(SAMPLES));
         light += own * own;
     }
-    return sqrt(light / float(SAMPLES));
+    return sqrt(light / float(count));
 }
 
 #else
