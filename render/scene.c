@@ -66,6 +66,12 @@ void scene_set_view(const struct view *view, struct scene_block *ret_scene)
     scene->eye_trig[1] = (float)cos(lat);
     scene->eye_trig[2] = (float)n0;
     scene->eye_trig[3] = (float)view->eye.height_m;
+    double polar = (1.0 - WGS84_E2) * n0 + view->eye.height_m;
+    scene->eye_rest[3] = (float)(polar * sin(lat));
+    scene->way_back[0] = (float)(n0 + view->eye.height_m);
+    scene->way_back[1] = (float)(0.5 / (n0 + view->eye.height_m));
+    scene->way_back[2] = (float)(n0 * WGS84_E2 / (polar * polar));
+    scene->way_back[3] = (float)(1.0 / polar);
     scene->eye_rest[0] = (float)(view->eye.height_m - (double)scene->eye_trig[3]);
     for (int i = 0; i < 3; i++)
         scene->sun[i] = (float)view->sun_enu[i];

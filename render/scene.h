@@ -20,6 +20,7 @@ struct scene_block {
     float eye_trig[4];
     float grid[4];
     float eye_rest[4];
+    float way_back[4];
     float sun[4];
     float haze[4];
     float view_rays[4];
@@ -33,9 +34,9 @@ struct scene_block {
 
 _Static_assert(sizeof(struct scene_pane) == 112, "std140 stride of Pane");
 _Static_assert(offsetof(struct scene_block, eye_trig) == 128, "std140");
-_Static_assert(offsetof(struct scene_block, enu_from_eye) == 224, "std140");
-_Static_assert(offsetof(struct scene_block, panes) == 304, "std140");
-_Static_assert(offsetof(struct scene_block, levels) == 832, "std140");
+_Static_assert(offsetof(struct scene_block, enu_from_eye) == 240, "std140");
+_Static_assert(offsetof(struct scene_block, panes) == 320, "std140");
+_Static_assert(offsetof(struct scene_block, levels) == 848, "std140");
 
 /* Fills everything but what the next call does. */
 void scene_set_view(const struct view *view, struct scene_block *ret_scene);

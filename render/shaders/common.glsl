@@ -19,7 +19,10 @@ layout(std140, binding = 0) uniform Scene {
     vec4 grid;            // x: half-posts of level 0 (rad); y: from the eye to the nearest ground, in
                           // Earth's radii; z: posts of level 0 a pixel covers at 1 m; w: near, m
     vec4 eye_rest;        // x: what the height lacks, for it is one float; y: 1 / where level 0 ends for
-                          // shading; z: 1 / the share of a level that is blended
+                          // shading; z: 1 / the share of a level that is blended; w: the eye's place
+                          // along the poles' axis, m
+    vec4 way_back;        // for difference_from_enu: x: N0 + h0; y: 0.5 / x; z: N0 e2 / q^2; w: 1 / q, with
+                          // q = (1 - e2) N0 + h0
     vec4 sun;             // enu direction; w: 1 above, 0 below the horizon (smooth)
     vec4 haze;            // x: extinction at the eye, 1/m; y: 1 / scale height; z: eye's altitude;
                           // w: time of day's ambient strength
@@ -102,12 +105,14 @@ vec3 normal_difference(int pane, ivec2 halves, int level)
 
 // How much longer the radius of curvature in the prime vertical is where the normal's polar part is
 // `ds` greater.
+// The series of a / sqrt(1 - e2 sin^2), to 4 mm.
 float radius_change(float ds)
 {
-    float sin0 = scene.eye_trig.x, w0 = 1.0 - WGS84_E2 * sin0 * sin0;
-    float dw = -WGS84_E2 * ds * (2.0 * sin0 + ds);
-    float root0 = sqrt(w0), root1 = sqrt(w0 + dw);
-    return -WGS84_A * dw / (root0 * root1 * (root0 + root1));
+    float from = scene.eye_trig.x * scene.eye_trig.x, change = ds * (2.0 * scene.eye_trig.x + ds);
+    float to = from + change;
+    return WGS84_A * WGS84_E2 * change *
+           (0.5 + WGS84_E2 * (0.375 * (from + to) +
+                              WGS84_E2 * 0.3125 * (to * to + to * from + from * from)));
 }
 
 // East, north, up from the eye of a place that is `height_m` above the ellipsoid, `rise_m` higher than
@@ -127,24 +132,27 @@ float rise_of(float height_m)
     return (height_m - scene.eye_trig.w) - scene.eye_rest.x;
 }
 
-// The inverse: dn, and in w how much higher than the eye the place is (m).
+// The inverse: dn, and in w how much higher than the eye the place is (m). The normal is parallel to the
+// position with its polar part stretched, by (N + h) / ((1 - e2) N + h); what does not change from pixel
+// to pixel comes with the scene, and roots are series where that will do.
 vec4 difference_from_enu(vec3 enu)
 {
-    float sin0 = scene.eye_trig.x, cos0 = scene.eye_trig.y, n0 = scene.eye_trig.z;
-    float h0 = scene.eye_trig.w, polar = (1.0 - WGS84_E2) * n0;
-    float length0 = n0 + h0, enu2 = 2.0 * length0 * enu.z + dot(enu, enu);
-    float rise = enu2 / (sqrt(length0 * length0 + enu2) + length0);
-    // The normal is parallel to the position with its polar part times (N + h) / ((1 - e2) N + h).
-    float stretch0 = (n0 + h0) / (polar + h0);
-    float d_stretch = -rise * n0 * WGS84_E2 / ((polar + h0 + rise) * (polar + h0));
-    float dz = cos0 * enu.y + sin0 * enu.z, z0 = (polar + h0) * sin0;
-    vec3 d = enu + ((stretch0 - 1.0) * dz + d_stretch * (z0 + dz)) * vec3(0.0, cos0, sin0);
+    vec3 pole = vec3(0.0, scene.eye_trig.y, scene.eye_trig.x);
+    float length0 = scene.way_back.x, polar = scene.eye_rest.w;
+    float over = (2.0 * length0 * enu.z + dot(enu, enu)) * scene.way_back.y;
+    float rise = over - over * over * scene.way_back.y;
+    rise = over - rise * rise * scene.way_back.y;
+    float thinner = rise * scene.way_back.w;
+    float d_stretch = -rise * scene.way_back.z * (1.0 - thinner * (1.0 - thinner * (1.0 - thinner)));
+    float dz = dot(enu, pole), stretch0 = length0 * scene.way_back.w;
+    vec3 d = enu + ((stretch0 - 1.0) * dz + d_stretch * (polar + dz)) * pole;
     float d_length2 = 2.0 * length0 * d.z + dot(d, d);
-    float length1 = sqrt(length0 * length0 + d_length2);
-    vec3 dn = vec3(d.xy / length1, 0.0);
-    dn.z = -dot(dn, dn) / (1.0 + sqrt(max(1.0 - dot(dn, dn), 0.0)));
-    float ds = cos0 * dn.y + sin0 * dn.z;
-    return vec4(dn, d_length2 / (length1 + length0) - radius_change(ds));
+    float length2 = length0 * length0 + d_length2, inverse = inversesqrt(length2);
+    vec2 across = d.xy * inverse;
+    float s = dot(across, across);
+    float down = 0.5 * s * (1.0 + s * (0.25 + s * (0.125 + s * (0.078125 + s * 0.0546875))));
+    float ds = dot(vec3(across, -down), pole);
+    return vec4(across, -down, d_length2 / (length2 * inverse + length0) - radius_change(ds));
 }
 
 // How far a place is from the eye, as levels count it.

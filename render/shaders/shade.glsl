@@ -37,6 +37,14 @@ Pane pane_of(int pane)
     return chosen;
 }
 
+// atan() to 1e-5 for |t| <= 1, an odd polynomial (Abramowitz and Stegun 4.4.49's kind).
+vec2 quick_atan(vec2 t)
+{
+    vec2 t2 = t * t;
+    return t * (0.99997726 + t2 * (-0.33262347 + t2 * (0.19354346 + t2 * (-0.11643287 +
+               t2 * (0.05265332 - t2 * 0.01172120)))));
+}
+
 Spot spot_at(vec3 dn)
 {
     Spot spot;
@@ -54,7 +62,7 @@ Spot spot_at(vec3 dn)
     vec2 eye = vec2(at.along_xi.w, at.along_eta.w);
     vec3 d = dn * at.axes; // in the face's axes
     vec2 change = (d.yz - eye * d.x) / most;
-    vec2 angle = atan(change / (1.0 + eye * (eye + change)));
+    vec2 angle = quick_atan(change / (1.0 + eye * (eye + change)));
     spot.halves = (angle - at.base.xy) / scene.grid.x;
     spot.along = normalize(at.axes[1] - spot.normal * dot(at.axes[1], spot.normal));
     spot.across = cross(spot.normal, spot.along);
