@@ -282,6 +282,27 @@ static bool is_complete(const struct renderer *renderer, const struct geodetic *
     return image_pass_complete(renderer->images, eye, height_above_ground_m(renderer, eye));
 }
 
+/* Fills the next scene block with what is loaded, seen by a view. False where nothing is loaded
+ * yet.
+ */
+static bool fill_scene(struct renderer *renderer, const struct view *view, double pixel_rad)
+{
+    renderer->scene = (renderer->scene + 1) % BUFFERED_SCENES;
+    struct scene_block *scene = mapped_buffer_part(&renderer->scenes, renderer->scene);
+    const struct loader_level *levels = clipmap_pass_levels(renderer->clipmap);
+    scene_set_view(view, scene);
+    if (levels)
+        scene_set_levels(view, &renderer->shape, levels, renderer->ground.nearest_m, pixel_rad,
+                         scene);
+    return levels;
+}
+
+static void bind_scene(const struct renderer *renderer)
+{
+    mapped_buffer_bind(&renderer->scenes, GL_UNIFORM_BUFFER, 0, renderer->scene,
+                       sizeof(struct scene_block));
+}
+
 /* Everything that a frame needs to be computed, before its first command. True where there is
  * terrain to draw. */
 static bool prepare_frame(struct renderer *renderer, struct view *view)
@@ -291,14 +312,9 @@ static bool prepare_frame(struct renderer *renderer, struct view *view)
     renderer->frame.height_above_terrain_m = height_above_ground_m(renderer, &view->eye);
     view->undulation_m = (double)renderer->ground.undulation_m;
     renderer->frame.undulation_m = view->undulation_m;
-    renderer->scene = (renderer->scene + 1) % BUFFERED_SCENES;
-    struct scene_block *scene = mapped_buffer_part(&renderer->scenes, renderer->scene);
-    scene_set_view(view, scene);
-    const struct loader_level *levels = clipmap_pass_levels(renderer->clipmap);
-    if (!levels)
-        return false;
     double pixel_rad = (view->tan_right - view->tan_left) / renderer->width;
-    scene_set_levels(view, &renderer->shape, levels, renderer->ground.nearest_m, pixel_rad, scene);
+    if (!fill_scene(renderer, view, pixel_rad))
+        return false;
     image_pass_prepare(renderer->images, &view->eye, height_above_ground_m(renderer, &view->eye),
                        pixel_rad);
     return true;
@@ -342,8 +358,7 @@ void renderer_draw(struct renderer *renderer, struct view *view)
     begin_pass(renderer, PASS_UPLOAD, "terrain upload");
     clipmap_pass_upload(renderer->clipmap);
     image_pass_upload(renderer->images);
-    mapped_buffer_bind(&renderer->scenes, GL_UNIFORM_BUFFER, 0, renderer->scene,
-                       sizeof(struct scene_block));
+    bind_scene(renderer);
     if (terrain)
         clipmap_pass_select(renderer->clipmap);
     begin_pass(renderer, PASS_TERRAIN, "terrain");
@@ -387,6 +402,20 @@ void renderer_finish(struct renderer *renderer, struct renderer_frame *ret_frame
     renderer->frame.failed =
         glGetGraphicsResetStatus() != GL_NO_ERROR || glGetError() == GL_OUT_OF_MEMORY;
     *ret_frame = renderer->frame;
+}
+
+void renderer_redraw(struct renderer *renderer, const struct view *view,
+                     const float clip_from_enu[16], unsigned framebuffer, int width, int height)
+{
+    bool terrain = fill_scene(renderer, view, 1.0 / renderer->width);
+    struct scene_block *scene = mapped_buffer_part(&renderer->scenes, renderer->scene);
+    memcpy(scene->clip_from_enu, clip_from_enu, sizeof(scene->clip_from_enu));
+    bind_scene(renderer);
+    glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
+    glViewport(0, 0, width, height);
+    glClear(GL_DEPTH_BUFFER_BIT);
+    if (terrain)
+        clipmap_pass_draw(renderer->clipmap);
 }
 
 unsigned renderer_framebuffer(const struct renderer *renderer)

@@ -61,6 +61,13 @@ void renderer_draw(struct renderer *renderer, struct view *view);
 /* Waits until the frame is finished and says what it cost. */
 void renderer_finish(struct renderer *renderer, struct renderer_frame *ret_frame);
 
+/* Draws the mesh of the frame that was finished last, the same blocks with the same vertices, by
+ * another projection (column-major, from positions relative to that frame's eye), as depth alone
+ * into a framebuffer object of that size. `view` is that
+ * frame's. For measurements: what was not in sight is not drawn. */
+void renderer_redraw(struct renderer *renderer, const struct view *view,
+                     const float clip_from_enu[16], unsigned framebuffer, int width, int height);
+
 /* The framebuffer objects that hold the finished frame and the depth that it was shaded from, which
  * can be read back (READBACK_DEPTH) where a pixel has one sample. */
 unsigned renderer_framebuffer(const struct renderer *renderer);
