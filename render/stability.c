@@ -10,7 +10,7 @@
 #include "geo/geographic.h"
 #include "render/readback.h"
 
-#define LATTICE      2 /* pixels, across and up, from one that is asked to the next */
+#define ASKED        60000 /* pixels of a frame that are asked, about */
 #define MAP_SIDE     1024
 #define MAP_GROWTH   4.0
 #define MAPS         12
@@ -41,9 +41,16 @@ struct motion {
     double turn[3][3], offset_m[3];
 };
 
+/* Pixels, across and up, from one that is asked to the next. */
+static int lattice(int width, int height)
+{
+    return (int)fmax(round(sqrt((double)width * height / ASKED)), 1.0);
+}
+
 size_t stability_pixels(int width, int height)
 {
-    return (size_t)(width / LATTICE) * (size_t)(height / LATTICE);
+    int step = lattice(width, height);
+    return (size_t)(width / step) * (size_t)(height / step);
 }
 
 static int create_target(struct stability *stability, struct diag *diag)
@@ -266,8 +273,9 @@ static double find_places(struct stability *stability)
 {
     const struct view *view = &stability->before.view;
     double(*place_m)[3] = stability->places, farthest_m = 0.0;
-    for (int row = 0; row + LATTICE <= stability->height; row += LATTICE)
-        for (int col = 0; col + LATTICE <= stability->width; col += LATTICE, place_m++) {
+    int step = lattice(stability->width, stability->height);
+    for (int row = 0; row + step <= stability->height; row += step)
+        for (int col = 0; col + step <= stability->width; col += step, place_m++) {
             double depth = (double)stability->before.depth[row * stability->width + col];
             double along_m = depth > 0.0 ? view->near_m / depth : NAN;
             double x = view->tan_left +

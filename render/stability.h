@@ -1,8 +1,8 @@
 /* How still the ground stands: what of its motion on the screen the camera does not explain.
  *
- * Of every second pixel of every second row of a frame, the ground that it shows is a fixed place.
- * Where the surface lies there, in this frame and in the next, is found by drawing the mesh of
- * each, as it is, once more from above, in parallel projection along the first eye's vertical: a
+ * Some 60 000 pixels of a frame, on a lattice, are asked: the ground that one shows is a fixed
+ * place. Where the surface lies there, in this frame and in the next, is found by drawing the mesh
+ * of each, as it is, once more from above, in parallel projection along the first eye's vertical: a
  * map whose pixels' centres are the same lines in space in both frames, so that nothing is
  * interpolated but what the mesh itself interpolates. The place of the map's pixel nearest to the
  * screen's is projected into the second frame, once at either frame's height: the distance is what

@@ -14,7 +14,8 @@ _otwd_values() {
     --datum) echo "egm96 ellipsoid" ;;
     --speed) echo "max" ;;
     --samples) echo "1 4" ;;
-    bench) echo "codec" ;;
+    bench) echo "codec stability" ;;
+    --flight) echo "taxi low dash fast high descent climb creep" ;;
     --to) echo "udp:// can: sim:" ;;
     esac
 }

@@ -19,8 +19,8 @@ completed() {
         sed 's/^--//' | grep -vx 'help\|usage\|version'
 }
 # shellcheck disable=SC2086 # a name may be two words
-for name in run replay demo import merge info verify height dig send 'bench codec' status \
-    check-config; do
+for name in run replay demo import merge info verify height dig send 'bench codec' \
+    'bench stability' status check-config; do
     "$OTWD" $name --help >help.txt 2>&1
     if [ $? -eq 69 ]; then # no GDAL, no import
         cat help.txt
