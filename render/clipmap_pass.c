@@ -101,15 +101,18 @@ static GLuint create_buffer(size_t bytes, const void *contents)
     return buffer;
 }
 
-/* Every draw takes so many blocks from where the one before ends. */
+/* Every draw takes so many blocks from where the one before ends; their squares of 2 x 2 cells are
+ * instances (terrain.vert). */
 static int create_draws(struct clipmap_pass *pass)
 {
     size_t bytes = sizeof(struct draw_list) + pass->draw_count * sizeof(struct draw_command);
     struct draw_list *list = calloc(1, bytes);
     if (!list)
         return -ENOMEM;
+    GLuint squares = (GLuint)(pass->shape.block * pass->shape.block / 4);
     for (unsigned i = 0; i < pass->draw_count; i++)
-        list->draws[i] = (struct draw_command){.instances = 1, .first = i * pass->blocks_a_draw};
+        list->draws[i] =
+            (struct draw_command){.instances = squares, .first = i * pass->blocks_a_draw};
     pass->draws = create_buffer(bytes, list);
     free(list);
     return 0;
@@ -173,7 +176,8 @@ int clipmap_pass_create(const struct clipmap_shape *shape, const struct gl_facts
     if (!pass)
         return diag_set(diag, -ENOMEM, "no memory for the clipmap");
     unsigned blocks = BLOCKS_A_LEVEL * (unsigned)shape->levels;
-    unsigned vertices = (unsigned)((shape->block + 1) * (shape->block + 1) + 4 * shape->block);
+    unsigned squares = (unsigned)(shape->block * shape->block / 4);
+    unsigned vertices = 9 * squares + 4 * (unsigned)shape->block;
     *pass = (struct clipmap_pass){.shape = *shape, .software = facts->software};
     pass->blocks_a_draw = facts->software ? SOFTWARE_VERTICES / vertices : blocks;
     pass->draw_count = (blocks + pass->blocks_a_draw - 1) / pass->blocks_a_draw;

@@ -164,17 +164,17 @@ void level_store_export_surfaces(const struct level_store *store, struct clipmap
     }
 }
 
-/* Whether the tessellator cuts a cell from its north-west to its south-east corner. */
-static bool is_falling(const struct clipmap_shape *shape, int32_t row, int32_t col)
+/* Whether a cell is cut from its north-west to its south-east corner: each towards the middle of
+ * its square of 2 x 2 cells (terrain.vert). */
+static bool is_falling(int32_t row, int32_t col)
 {
-    int32_t mask = shape->block - 1, half = shape->block / 2;
-    return ((row & mask) < half) != ((col & mask) < half);
+    return ((row ^ col) & 1) != 0;
 }
 
 /* A post's own height and the coarser level's there: linear between the coarser posts, with the
  * very operations that the evaluation shader uses where a coarser edge has the finer level's
  * vertices, so that both sides get the same bits. In the middle of a coarser cell it is on the
- * diagonal along which the tessellator cuts it: towards the middle of its block. */
+ * diagonal along which it is cut. */
 static struct loader_height heights_of_post(const struct level_store *store,
                                             const struct level_store *coarser, int32_t row,
                                             int32_t col)
@@ -183,7 +183,7 @@ static struct loader_height heights_of_post(const struct level_store *store,
     height.coarser_m = height.own_m;
     if (coarser) {
         int32_t r0 = row >> 1, c0 = col >> 1, r1 = half_up(row), c1 = half_up(col);
-        if (r0 != r1 && c0 != c1 && is_falling(store->shape, r0, c0)) {
+        if (r0 != r1 && c0 != c1 && is_falling(r0, c0)) {
             int32_t east = c0;
             c0 = c1;
             c1 = east;

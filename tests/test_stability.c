@@ -110,6 +110,22 @@ static void an_eye_that_hardly_moves_shows_the_noise(void)
     CHECK(px.p999 < 0.002);
 }
 
+/* From frame to frame the eye goes 10 m, by which heights blend a little; a few blocks are split.
+ */
+static void splitting_a_block_moves_nothing(void)
+{
+    struct scene_under_test scene = {0};
+    struct stability *stability = NULL;
+    struct stability_tally tally;
+    if (!open_all(rugged_ground, 12, &scene, &stability, &tally))
+        return;
+    for (int i = 0; i < 13; i++)
+        look(&scene, stability, view_at(46.5 + i * 9e-5, 8.0, 1100.0, 20.0, -10.0, 0.0),
+             i > 0 ? &tally : NULL);
+    struct distribution px = close_all(&scene, stability, &tally);
+    CHECK(px.max < 0.15);
+}
+
 static void a_leap_of_the_eye_makes_heights_pop(void)
 {
     struct scene_under_test scene = {0};
@@ -128,6 +144,7 @@ int main(void)
     static const struct check_test tests[] = {
         {"a lift of the ground is measured", a_lift_of_the_ground_is_measured},
         {"an eye that hardly moves shows the noise", an_eye_that_hardly_moves_shows_the_noise},
+        {"splitting a block moves nothing", splitting_a_block_moves_nothing},
         {"a leap of the eye makes heights pop", a_leap_of_the_eye_makes_heights_pop},
     };
     return render_tests_main(tests, sizeof(tests) / sizeof(tests[0]), check_main);

@@ -1,4 +1,4 @@
-// Sets the tessellation levels of a block (Song et al. 2016, equations 2 to 6).
+// Sets the tessellation levels of a square of 2 x 2 cells (Song et al. 2016, equations 2 to 6).
 layout(vertices = 1) out;
 
 in ivec4 block_out[];
@@ -10,9 +10,9 @@ void main()
     int doubled = block_out[0].w;
     patch_block = block_out[0];
     gl_out[gl_InvocationID].gl_Position = vec4(0.0);
-    gl_TessLevelInner[0] = gl_TessLevelInner[1] = float(BLOCK);
-    gl_TessLevelOuter[0] = float(BLOCK << (doubled & 1));
-    gl_TessLevelOuter[1] = float(BLOCK << (doubled >> 2 & 1));
-    gl_TessLevelOuter[2] = float(BLOCK << (doubled >> 1 & 1));
-    gl_TessLevelOuter[3] = float(BLOCK << (doubled >> 3 & 1));
+    gl_TessLevelInner[0] = gl_TessLevelInner[1] = 2.0;
+    gl_TessLevelOuter[0] = float(2 << (doubled & 1));
+    gl_TessLevelOuter[1] = float(2 << (doubled >> 2 & 1));
+    gl_TessLevelOuter[2] = float(2 << (doubled >> 1 & 1));
+    gl_TessLevelOuter[3] = float(2 << (doubled >> 3 & 1));
 }

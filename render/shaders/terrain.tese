@@ -41,7 +41,7 @@ void main()
 {
     int level = patch_block.z & 31;
     Name name = Name(patch_block.z >> 5, 2 * patch_block.xy +
-                                             ivec2(gl_TessCoord.xy * float(2 * BLOCK) + 0.5));
+                                             ivec2(gl_TessCoord.xy * 4.0 + 0.5));
     int end = scene.sizes.y >> level;
     if (any(lessThanEqual(name.halves, ivec2(0))) || any(greaterThanEqual(name.halves, ivec2(end))))
         name = lowest_name(name, end);
