@@ -53,7 +53,7 @@ static const struct argp_option known[] = {
     {"time-utc", OPT_UTC, "TIME", 0,
      "when the flight starts, for the sun: 2026-06-21T09:30:00Z (default: ten in the morning)", 0},
     {"samples", OPT_SAMPLES, "1|4", 0,
-     "of a pixel, for smooth edges (default 1; with --geo always 1)", 0},
+     "of a pixel, 4 for smooth edges (default 1, which geodetic images always have)", 0},
     {"frames", OPT_FRAMES, "DIR", 0, "write frames as DIR/frame-%06d.png", 0},
     {"every", OPT_EVERY, "N", 0, "only every Nth frame to --frames and --geo", 0},
     {"video", OPT_VIDEO, "FILE.mp4", 0, "write a video (needs ffmpeg)", 0},
