@@ -119,28 +119,32 @@ static inline void close_picture(struct picture *picture)
     free(picture->surfaces);
 }
 
-/* Dug tiles may have finer posts than the ground around a stamp: what lies between them is then
- * rounded otherwise. */
-#define SAME_M    1e-3f
-#define SAME_CODE 2
+/* How far apart heights and codes may lie to count as equal. */
+struct tolerance {
+    float height_m;
+    int code;
+};
 
-static inline bool same_height(const void *a, const void *b)
+static inline bool same_height(const void *a, const void *b, const struct tolerance *tolerance)
 {
     const struct loader_height *own = a, *other = b;
-    return fabsf(own->own_m - other->own_m) < SAME_M &&
-           fabsf(own->coarser_m - other->coarser_m) < SAME_M;
+    return fabsf(own->own_m - other->own_m) <= tolerance->height_m &&
+           fabsf(own->coarser_m - other->coarser_m) <= tolerance->height_m;
 }
 
-static inline bool same_surface(const void *a, const void *b)
+static inline bool same_surface(const void *a, const void *b, const struct tolerance *tolerance)
 {
     const struct loader_surface *own = a, *other = b;
-    return abs(own->slope_along - other->slope_along) <= SAME_CODE &&
-           abs(own->slope_across - other->slope_across) <= SAME_CODE && own->water == other->water;
+    return abs(own->slope_along - other->slope_along) <= tolerance->code &&
+           abs(own->slope_across - other->slope_across) <= tolerance->code &&
+           own->water == other->water;
 }
 
+typedef bool (*same_function)(const void *a, const void *b, const struct tolerance *tolerance);
+
 /* Counts the elements of a rectangle that differ in two toroidal textures. */
-static inline int differences_of(const void *a, const void *b, size_t element,
-                                 bool (*same)(const void *a, const void *b), int side, int layer,
+static inline int differences_of(const void *a, const void *b, size_t element, same_function same,
+                                 const struct tolerance *tolerance, int side, int layer,
                                  struct clipmap_rect rect)
 {
     int different = 0;
@@ -148,13 +152,14 @@ static inline int differences_of(const void *a, const void *b, size_t element,
         for (int c = 0; c < rect.cols; c++) {
             int y = (rect.row0 + r) & (side - 1), x = (rect.col0 + c) & (side - 1);
             size_t at = element * (size_t)((layer * side + y) * side + x);
-            different += !same((const char *)a + at, (const char *)b + at);
+            different += !same((const char *)a + at, (const char *)b + at, tolerance);
         }
     return different;
 }
 
 /* In what both pictures have. */
-static inline int differences(const struct picture *a, const struct picture *b)
+static inline int differences_beyond(const struct tolerance *tolerance, const struct picture *a,
+                                     const struct picture *b)
 {
     int side = clipmap_storage(&shape), different = 0;
     for (int layer = 0; layer < shape.levels * CLIPMAP_PANES; layer++) {
@@ -168,10 +173,22 @@ static inline int differences(const struct picture *a, const struct picture *b)
         /* Slopes on the rim are one-sided or not, by when the neighbour left the window. */
         struct clipmap_rect inside = {2 * posts.row0 + 1, 2 * posts.col0 + 1, 2 * posts.rows - 3,
                                       2 * posts.cols - 3};
-        different += differences_of(a->heights, b->heights, sizeof(*a->heights), same_height, side,
-                                    layer, posts);
+        different += differences_of(a->heights, b->heights, sizeof(*a->heights), same_height,
+                                    tolerance, side, layer, posts);
         different += differences_of(a->surfaces, b->surfaces, sizeof(*a->surfaces), same_surface,
-                                    2 * side, layer, inside);
+                                    tolerance, 2 * side, layer, inside);
     }
     return different;
+}
+
+static inline int differences(const struct picture *a, const struct picture *b)
+{
+    return differences_beyond(&(struct tolerance){0.0f, 0}, a, b);
+}
+
+/* Where ground was dug its tiles may have finer posts than the ground around a stamp: what lies
+ * between those is rounded otherwise. */
+static inline int differences_of_dug(const struct picture *a, const struct picture *b)
+{
+    return differences_beyond(&(struct tolerance){1e-3f, 2}, a, b);
 }

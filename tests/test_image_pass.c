@@ -270,7 +270,8 @@ static void alpha_lets_the_ground_through(void)
         if (part == 0)
             wrong += !is_magenta(with);
         else if (part == 1)
-            wrong += with[0] + 5 < without[0] || with[1] >= without[1] || with[2] <= without[2];
+            wrong += with[0] - with[1] <= without[0] - without[1] || with[1] >= without[1] ||
+                     with[2] <= without[2];
         else
             wrong += greatest_difference(with, without) > 1;
     }
