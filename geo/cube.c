@@ -44,6 +44,12 @@ void cube_geodetic_from_normal(const double normal[3], double *ret_lat_deg, doub
         normal[0] == 0.0 && normal[1] == 0.0 ? 0.0 : atan2(normal[1], normal[0]) / DEGREE;
 }
 
+double cube_chord(const double a[3], const double b[3])
+{
+    double x = a[0] - b[0], y = a[1] - b[1], z = a[2] - b[2];
+    return sqrt(x * x + y * y + z * z);
+}
+
 static double along(const signed char axis[3], const double v[3])
 {
     return axis[0] * v[0] + axis[1] * v[1] + axis[2] * v[2];

@@ -17,6 +17,7 @@
 
 #define CUBE_FACES    6
 #define CUBE_TURN_DEG 13.5
+#define CUBE_CAP_MOST 0.6 /* rad: radius of the largest cap whose range can be told */
 
 enum cube_side { CUBE_WEST, CUBE_EAST, CUBE_SOUTH, CUBE_NORTH, CUBE_SIDES }; /* of a face's grid */
 
@@ -26,6 +27,9 @@ void cube_axes(int face, double ret_axes[3][3]);
 /* Unit normal in ECEF, and the way back (longitude -180..180; 0 on the axis). */
 void cube_normal_from_geodetic(double lat_deg, double lon_deg, double ret_normal[3]);
 void cube_geodetic_from_normal(const double normal[3], double *ret_lat_deg, double *ret_lon_deg);
+
+/* How far apart two unit vectors end. */
+double cube_chord(const double a[3], const double b[3]);
 
 /* The face that a direction meets; of several, the lowest. */
 int cube_face_of(const double normal[3]);
@@ -53,7 +57,8 @@ struct cube_post {
 struct cube_post cube_post_lowest(struct cube_post post, int64_t cells);
 
 /* The least range of xi and eta (rad, ret: least and greatest) on a face that holds the part of the
- * face within the angle `radius_rad`, at most 0.6, of a direction. False where there is none. */
+ * face within the angle `radius_rad`, at most CUBE_CAP_MOST, of a direction. False where there is
+ * none. */
 bool cube_cap_range(int face, const double normal[3], double radius_rad, double ret_xi[2],
                     double ret_eta[2]);
 

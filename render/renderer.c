@@ -40,10 +40,9 @@ struct renderer {
     struct loader_update *held[LOADER_UPDATES]; /* being copied from by this frame */
     unsigned held_count;
 
-    /* From the last update applied. */
-    struct loader_ground ground; /* at the eye, of the last wish that was answered */
+    struct loader_ground ground; /* at the eye of the last wish that was answered */
     bool has_ground;
-    bool late; /* some of the terrain is coarser than the source has it */
+    bool late; /* as of the last update: some of the terrain is coarser than the source has it */
     struct renderer_frame frame;
 };
 

@@ -142,9 +142,9 @@ static void set_window(const struct scene_block *scene, int p, const struct clip
     ret_window[3] = near ? held->posts.rows : 0;
 }
 
-int scene_set_levels(const struct view *view, const struct clipmap_shape *shape,
-                     const struct loader_level *levels, double nearest_m, double pixel_rad,
-                     struct scene_block *ret_scene)
+void scene_set_levels(const struct view *view, const struct clipmap_shape *shape,
+                      const struct loader_level *levels, double nearest_m, double pixel_rad,
+                      struct scene_block *ret_scene)
 {
     struct scene_block *scene = ret_scene;
     double normal[3], ends[CLIPMAP_MAX_LEVELS], step_rad = clipmap_step_rad(shape, 0);
@@ -189,5 +189,4 @@ int scene_set_levels(const struct view *view, const struct clipmap_shape *shape,
     scene->grid[0] = (float)(0.5 * step_rad);
     scene->grid[1] = (float)(fmax(nearest_m, 0.0) / WGS84_A);
     scene->grid[2] = (float)(pixel_rad / (step_rad * WGS84_A));
-    return finest;
 }

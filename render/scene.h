@@ -42,8 +42,7 @@ _Static_assert(offsetof(struct scene_block, levels) == 848, "std140");
 void scene_set_view(const struct view *view, struct scene_block *ret_scene);
 
 /* Where the eye is on the clipmap: `levels` is what is held, `nearest_m` how far the nearest ground
- * is, `pixel_rad` the angle of a pixel at the centre of the view. Returns the finest level that can
- * be drawn. */
-int scene_set_levels(const struct view *view, const struct clipmap_shape *shape,
-                     const struct loader_level *levels, double nearest_m, double pixel_rad,
-                     struct scene_block *ret_scene);
+ * is, `pixel_rad` the angle of a pixel at the centre of the view. */
+void scene_set_levels(const struct view *view, const struct clipmap_shape *shape,
+                      const struct loader_level *levels, double nearest_m, double pixel_rad,
+                      struct scene_block *ret_scene);

@@ -62,19 +62,13 @@ struct clipmap_reach clipmap_reach(const struct clipmap_shape *shape, int level,
     return reach;
 }
 
-static double distance(const double a[3], const double b[3])
-{
-    double x = a[0] - b[0], y = a[1] - b[1], z = a[2] - b[2];
-    return sqrt(x * x + y * y + z * z);
-}
-
 void clipmap_ends(const struct clipmap_shape *shape, const struct clipmap_cap *caps,
                   const double normal[3], double *ret_ends)
 {
     int top = shape->levels - 1;
     for (int level = top; level >= 0; level--) {
         struct clipmap_reach reach = clipmap_reach(shape, level, normal);
-        double held = caps[level].radius - distance(caps[level].normal, normal);
+        double held = caps[level].radius - cube_chord(caps[level].normal, normal);
         double parents = 2.0 * (2.0 * reach.block), end = held;
         if (level < top) {
             end = fmin(reach.end, held - parents);
@@ -111,9 +105,11 @@ static void span(const struct clipmap_shape *shape, int level, const double angl
 struct clipmap_rect clipmap_cap_posts(const struct clipmap_shape *shape, int level, int face,
                                       const struct clipmap_cap *cap)
 {
-    double xi[2], eta[2], angle = 2.0 * asin(fmin(0.5 * cap->radius, 1.0));
+    double xi[2] = {-M_PI / 4.0, M_PI / 4.0}, eta[2] = {-M_PI / 4.0, M_PI / 4.0};
+    double angle = 2.0 * asin(fmin(0.5 * cap->radius, 1.0));
     struct clipmap_rect posts = {0};
-    if (cap->radius <= 0.0 || !cube_cap_range(face, cap->normal, angle, xi, eta))
+    bool wide = angle > CUBE_CAP_MOST; /* then all of the face: more than there may be */
+    if (cap->radius <= 0.0 || (!wide && !cube_cap_range(face, cap->normal, angle, xi, eta)))
         return posts;
     span(shape, level, xi, &posts.col0, &posts.cols);
     span(shape, level, eta, &posts.row0, &posts.rows);
@@ -149,6 +145,14 @@ struct clipmap_rect clipmap_common(struct clipmap_rect a, struct clipmap_rect b)
     return (struct clipmap_rect){south, west, north - south, east - west};
 }
 
+struct clipmap_rect clipmap_around(struct clipmap_rect a, struct clipmap_rect b)
+{
+    int32_t south = a.row0 < b.row0 ? a.row0 : b.row0, west = a.col0 < b.col0 ? a.col0 : b.col0;
+    int32_t north = a.row0 + a.rows > b.row0 + b.rows ? a.row0 + a.rows : b.row0 + b.rows;
+    int32_t east = a.col0 + a.cols > b.col0 + b.cols ? a.col0 + a.cols : b.col0 + b.cols;
+    return (struct clipmap_rect){south, west, north - south, east - west};
+}
+
 int clipmap_uncovered(struct clipmap_rect from, struct clipmap_rect to,
                       struct clipmap_rect ret_rects[4])
 {
@@ -174,7 +178,7 @@ bool clipmap_holds(const struct clipmap_shape *shape, int level, const struct cl
                    const double normal[3])
 {
     struct clipmap_reach reach = clipmap_reach(shape, level, normal);
-    return cap->radius > 0.0 && distance(cap->normal, normal) <= reach.lag;
+    return cap->radius > 0.0 && cube_chord(cap->normal, normal) <= reach.lag;
 }
 
 int clipmap_finest_level(const struct clipmap_shape *shape, const double normal[3], double height_m)

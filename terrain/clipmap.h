@@ -111,6 +111,9 @@ struct clipmap_rect clipmap_common(struct clipmap_rect a, struct clipmap_rect b)
 bool clipmap_holds(const struct clipmap_shape *shape, int level, const struct clipmap_cap *cap,
                    const double normal[3]);
 
+/* The least rectangle that has both, neither of which may be empty. */
+struct clipmap_rect clipmap_around(struct clipmap_rect a, struct clipmap_rect b);
+
 /* The finest level that is drawn from `height_m` above the ground. */
 int clipmap_finest_level(const struct clipmap_shape *shape, const double normal[3],
                          double height_m);

@@ -86,7 +86,7 @@ static void sleep_until_woken(struct loader *loader)
     until.tv_nsec += (long)ASK_AGAIN_NS;
     until.tv_sec += until.tv_nsec / NSEC_PER_SEC;
     until.tv_nsec %= NSEC_PER_SEC;
-    bool doze = loader->filler.late_count > 0;
+    bool doze = loader->filler.late.count > 0;
     while ((doze ? sem_timedwait(&loader->woken, &until) : sem_wait(&loader->woken)) < 0) {
         if (errno == ETIMEDOUT) {
             atomic_store(&loader->arrived, true);
@@ -163,7 +163,7 @@ static void take_changes(struct loader *loader)
     struct terrain_rect rect;
     while (source->ops->changed && source->ops->changed(source, &rect)) {
         window_filler_spoil(&loader->filler, &rect);
-        loader->untried = loader->filler.late_count;
+        loader->untried = loader->filler.late.count;
     }
 }
 
@@ -172,10 +172,10 @@ static void take_changes(struct loader *loader)
 static void refresh(struct loader *loader)
 {
     struct loader_update *update = NULL;
-    if (loader->filler.late_count == 0 || !ring_take(&loader->free, &update))
+    if (loader->filler.late.count == 0 || !ring_take(&loader->free, &update))
         return;
     if (atomic_exchange(&loader->arrived, false))
-        loader->untried = loader->filler.late_count;
+        loader->untried = loader->filler.late.count;
     size_t tried = 0;
     if (window_filler_refresh(&loader->filler, update, &tried))
         hand_over(loader, update);

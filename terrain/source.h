@@ -52,8 +52,8 @@ struct terrain_source_ops {
      * that cannot be read is counted, not returned. Several threads may sample at once. */
     int (*sample)(struct terrain_source *source, const struct terrain_places *places,
                   float *ret_height_m);
-    /* The height of the finest surface at one place (bilinear between the four posts around it);
-     * NaN where there is none. */
+    /* The height of the finest surface at one place, of a database bilinear between the four posts
+     * around it; NaN where there is none. */
     int (*sample_point)(struct terrain_source *source, double lat_deg, double lon_deg,
                         double *ret_height_m);
     void (*facts)(const struct terrain_source *source, struct terrain_facts *ret_facts);

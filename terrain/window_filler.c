@@ -12,7 +12,6 @@
 #include "terrain/nearest_ground.h"
 #include "terrain/undulation.h"
 
-#define LATE_SIDE     64 /* half-posts a side of what is sampled again by itself */
 #define REFRESH_PARTS (LOADER_MAX_STRIPS / 2) /* each may need a strip of the finer level, too */
 #define PATIENCE      100 /* times that a call waits; a cache may be too small for it */
 #define CHUNK_POSTS   (LATE_SIDE * LATE_SIDE) /* half-posts that a worker takes at a time */
@@ -38,11 +37,6 @@ static int32_t smaller(int32_t a, int32_t b)
     return a < b ? a : b;
 }
 
-static int32_t greater(int32_t a, int32_t b)
-{
-    return a > b ? a : b;
-}
-
 size_t window_filler_half_posts(const struct clipmap_shape *shape)
 {
     size_t side = 2 * (size_t)clipmap_storage(shape);
@@ -56,9 +50,8 @@ int window_filler_init(struct window_filler *filler, const struct clipmap_shape 
     *filler = (struct window_filler){
         .shape = *shape, .source = source, .fallback = fallback, .geoid = geoid};
     size_t parts = 8 + 4 * window_filler_half_posts(shape) / (LATE_SIDE * LATE_SIDE);
-    filler->late_capacity = (size_t)shape->levels * parts;
-    filler->late = malloc(filler->late_capacity * sizeof(*filler->late));
-    if (!filler->late || crew_create(jobs, "otwd-sample", &filler->crew) < 0)
+    if (late_parts_init(&filler->late, (size_t)shape->levels * parts) < 0 ||
+        crew_create(jobs, "otwd-sample", &filler->crew) < 0)
         return -ENOMEM;
     filler->scratch = malloc(crew_size(filler->crew) * sizeof(*filler->scratch));
     if (!filler->scratch)
@@ -77,7 +70,7 @@ void window_filler_finish(struct window_filler *filler)
             level_store_finish(&filler->stores[level][pane]);
     crew_destroy(filler->crew);
     free(filler->scratch);
-    free(filler->late);
+    late_parts_finish(&filler->late);
 }
 
 /* True where there are heights; *late is set where the source will have better ones. */
@@ -227,65 +220,19 @@ static void add_strip(struct loader_update *update, const struct level_store *st
     update->strips[update->strip_count++] = strip;
 }
 
-static int32_t cell_of(int32_t half_post)
-{
-    return half_post & ~(int32_t)(LATE_SIDE - 1);
-}
-
-/* The late part in the same square of LATE_SIDE half-posts; NULL where there is none. */
-static struct late_part *late_part_at(struct window_filler *filler, int level, int pane,
-                                      int32_t row, int32_t col)
-{
-    for (size_t i = 0; i < filler->late_count; i++) {
-        struct late_part *part = &filler->late[i];
-        if (part->level == level && part->pane == pane &&
-            cell_of(part->half_posts.row0) == cell_of(row) &&
-            cell_of(part->half_posts.col0) == cell_of(col))
-            return part;
-    }
-    return NULL;
-}
-
-static struct clipmap_rect around_both(struct clipmap_rect a, struct clipmap_rect b)
-{
-    int32_t south = smaller(a.row0, b.row0), west = smaller(a.col0, b.col0);
-    int32_t north = greater(a.row0 + a.rows, b.row0 + b.rows);
-    int32_t east = greater(a.col0 + a.cols, b.col0 + b.cols);
-    return (struct clipmap_rect){south, west, north - south, east - west};
-}
-
-/* Cuts a rectangle by squares of LATE_SIDE half-posts, so that each part can be sampled again when
- * its own tiles are there, and no two overlap: there is room for all of the windows. */
-static void remember_late(struct window_filler *filler, int level, int pane,
-                          struct clipmap_rect rect)
-{
-    for (int32_t row = cell_of(rect.row0); row < rect.row0 + rect.rows; row += LATE_SIDE)
-        for (int32_t col = cell_of(rect.col0); col < rect.col0 + rect.cols; col += LATE_SIDE) {
-            struct clipmap_rect part =
-                clipmap_common(rect, (struct clipmap_rect){row, col, LATE_SIDE, LATE_SIDE});
-            struct late_part *there = late_part_at(filler, level, pane, row, col);
-            if (there)
-                there->half_posts = around_both(there->half_posts, part);
-            else {
-                assert(filler->late_count < filler->late_capacity);
-                filler->late[filler->late_count++] = (struct late_part){level, pane, part};
-            }
-        }
-}
-
 /* Drops what has left the windows. */
 static void forget_late(struct window_filler *filler)
 {
     size_t kept = 0;
-    for (size_t i = 0; i < filler->late_count; i++) {
-        struct late_part part = filler->late[i];
+    for (size_t i = 0; i < filler->late.count; i++) {
+        struct late_part part = filler->late.parts[i];
         const struct level_store *store = &filler->stores[part.level][part.pane];
         part.half_posts =
             clipmap_common(part.half_posts, level_store_half_posts(store->pane.posts));
         if (part.half_posts.rows > 0)
-            filler->late[kept++] = part;
+            filler->late.parts[kept++] = part;
     }
-    filler->late_count = kept;
+    filler->late.count = kept;
 }
 
 static const struct level_store *coarser_than(const struct window_filler *filler, int level,
@@ -294,10 +241,14 @@ static const struct level_store *coarser_than(const struct window_filler *filler
     return level + 1 < filler->shape.levels ? &filler->stores[level + 1][pane] : NULL;
 }
 
-static double distance(const double a[3], const double b[3])
+/* What a level has to hold for an eye at a place. */
+static struct clipmap_cap cap_about(const struct window_filler *filler, int level,
+                                    const double normal[3])
 {
-    double x = a[0] - b[0], y = a[1] - b[1], z = a[2] - b[2];
-    return sqrt(x * x + y * y + z * z);
+    return (struct clipmap_cap){
+        .normal = {normal[0], normal[1], normal[2]},
+        .radius = clipmap_reach(&filler->shape, level, normal).cap,
+    };
 }
 
 /* Whether a level has to be moved for an eye at a place. */
@@ -305,7 +256,7 @@ static bool level_lags(const struct window_filler *filler, int level, const doub
 {
     const struct clipmap_cap *cap = &filler->caps[level];
     double step = clipmap_step_rad(&filler->shape, level);
-    return cap->radius == 0.0 || distance(cap->normal, normal) > MOVE_POSTS * step;
+    return cap->radius == 0.0 || cube_chord(cap->normal, normal) > MOVE_POSTS * step;
 }
 
 bool window_filler_lags(const struct window_filler *filler, const struct filler_eye *eye)
@@ -386,7 +337,7 @@ struct loader_ground window_filler_ground(struct window_filler *filler, const st
 /* What every update says, whatever its strips. */
 static void close_update(const struct window_filler *filler, struct loader_update *update)
 {
-    update->late = filler->late_count > 0;
+    update->late = filler->late.count > 0;
     for (int level = 0; level < filler->shape.levels; level++) {
         update->levels[level].cap = filler->caps[level];
         for (int p = 0; p < CLIPMAP_PANES; p++)
@@ -420,10 +371,7 @@ static int plan_levels(struct window_filler *filler, const struct filler_eye *ey
     int r = 0;
     cube_normal_from_geodetic(eye->lat_deg, eye->lon_deg, normal);
     for (int level = filler->shape.levels - 1; level >= eye->finest && r == 0; level--) {
-        struct clipmap_cap cap = {
-            .normal = {normal[0], normal[1], normal[2]},
-            .radius = clipmap_reach(&filler->shape, level, normal).cap,
-        };
+        struct clipmap_cap cap = cap_about(filler, level, normal);
         struct clipmap_pane panes[CLIPMAP_PANES];
         if (!level_lags(filler, level, normal))
             continue;
@@ -456,7 +404,7 @@ int window_filler_move(struct window_filler *filler, const struct filler_eye *ey
     sample_parts(filler, parts, count);
     for (size_t i = 0; i < count; i++) {
         if (atomic_load(&parts[i].late))
-            remember_late(filler, parts[i].level, parts[i].pane, parts[i].half_posts);
+            late_parts_add(&filler->late, parts[i].level, parts[i].pane, parts[i].half_posts);
         add_part(filler, &parts[i], update);
     }
     close_update(filler, update);
@@ -487,10 +435,10 @@ bool window_filler_refresh(struct window_filler *filler, struct loader_update *u
 {
     size_t tried = 0, room = window_filler_half_posts(&filler->shape);
     struct filler_part parts[REFRESH_PARTS];
-    for (size_t i = 0; i < filler->late_count && i < REFRESH_PARTS; i++) {
-        parts[i] = (struct filler_part){.level = filler->late[i].level,
-                                        .pane = filler->late[i].pane,
-                                        .half_posts = filler->late[i].half_posts};
+    for (size_t i = 0; i < filler->late.count && i < REFRESH_PARTS; i++) {
+        parts[i] = (struct filler_part){.level = filler->late.parts[i].level,
+                                        .pane = filler->late.parts[i].pane,
+                                        .half_posts = filler->late.parts[i].half_posts};
         size_t needed = half_posts_of(&parts[i], 1);
         needed += needed / 2; /* the finer level's heights are a few more */
         if (needed > room)
@@ -498,14 +446,12 @@ bool window_filler_refresh(struct window_filler *filler, struct loader_update *u
         room -= needed;
         tried++;
     }
-    filler->late_count -= tried;
-    memmove(filler->late, filler->late + tried, filler->late_count * sizeof(*filler->late));
+    late_parts_drop(&filler->late, tried);
     open_update(update);
     sample_parts(filler, parts, tried);
     for (size_t i = 0; i < tried; i++) {
         if (atomic_load(&parts[i].late))
-            filler->late[filler->late_count++] =
-                (struct late_part){parts[i].level, parts[i].pane, parts[i].half_posts};
+            late_parts_add(&filler->late, parts[i].level, parts[i].pane, parts[i].half_posts);
         if (atomic_load(&parts[i].changed)) {
             add_part(filler, &parts[i], update);
             add_finer_heights(filler, &parts[i], update);
@@ -513,7 +459,7 @@ bool window_filler_refresh(struct window_filler *filler, struct loader_update *u
     }
     close_update(filler, update);
     *ret_tried = tried;
-    return update->strip_count > 0 || filler->late_count == 0;
+    return update->strip_count > 0 || filler->late.count == 0;
 }
 
 /* A cap that holds a part of the Earth. */
@@ -526,7 +472,7 @@ static struct clipmap_cap cap_around(const struct terrain_rect *rect)
     const double lats_deg[3] = {rect->south_deg, lat_deg, rect->north_deg};
     for (int i = 0; i < 3; i++) {
         cube_normal_from_geodetic(lats_deg[i], rect->west_deg, corner);
-        cap.radius = fmax(cap.radius, distance(cap.normal, corner));
+        cap.radius = fmax(cap.radius, cube_chord(cap.normal, corner));
     }
     cap.radius *= 1.01; /* a parallel bows out between its corners */
     return cap;
@@ -544,7 +490,7 @@ void window_filler_spoil(struct window_filler *filler, const struct terrain_rect
             struct clipmap_rect part = clipmap_common(
                 clipmap_cap_posts(&filler->shape, level, pane->face, &grown), pane->posts);
             if (part.rows > 0)
-                remember_late(filler, level, p, level_store_half_posts(part));
+                late_parts_add(&filler->late, level, p, level_store_half_posts(part));
         }
     }
 }
@@ -573,10 +519,7 @@ void window_filler_look_ahead(struct window_filler *filler, const struct filler_
     double normal[3];
     cube_normal_from_geodetic(eye->lat_deg, eye->lon_deg, normal);
     for (int level = filler->shape.levels - 1; level >= eye->finest; level--) {
-        struct clipmap_cap cap = {
-            .normal = {normal[0], normal[1], normal[2]},
-            .radius = clipmap_reach(&filler->shape, level, normal).cap,
-        };
+        struct clipmap_cap cap = cap_about(filler, level, normal);
         struct clipmap_pane panes[CLIPMAP_PANES];
         struct filler_part parts[PARTS_MOST];
         clipmap_panes(&filler->shape, level, &cap, panes);

@@ -8,15 +8,10 @@
 #include <stdatomic.h>
 
 #include "geo/geographic.h"
+#include "terrain/late_parts.h"
 #include "terrain/level_store.h"
 #include "terrain/parallel.h"
 #include "terrain/source.h"
-
-/* Part of a level that is coarser than the source has it. */
-struct late_part {
-    int level, pane;
-    struct clipmap_rect half_posts;
-};
 
 struct filler_scratch;
 
@@ -30,8 +25,7 @@ struct window_filler {
     const atomic_bool *stopping; /* ends the waiting; borrowed, may be NULL */
     struct crew *crew;
     struct filler_scratch *scratch; /* [crew_size] */
-    struct late_part *late;
-    size_t late_count, late_capacity;
+    struct late_parts late;
     uint64_t posts_sampled;
 };
 

@@ -1,5 +1,5 @@
 #include "geo/cube.h"
-#include "terrain/clipmap.h"
+#include "terrain/window_filler.h"
 #include "tests/check.h"
 
 static uint32_t random_state = 1;
@@ -28,17 +28,11 @@ static void interesting_normal(int i, double ret[3])
         cube_normal(i % CUBE_FACES, xi, eta, ret);
 }
 
-static double distance(const double a[3], const double b[3])
-{
-    double x = a[0] - b[0], y = a[1] - b[1], z = a[2] - b[2];
-    return sqrt(x * x + y * y + z * z);
-}
-
 static struct clipmap_shape shapes[4];
 
 static void a_cap_s_posts_fit_into_the_storage(void)
 {
-    int too_wide = 0, missing = 0, levels = 0;
+    int too_wide = 0, too_large = 0, missing = 0, levels = 0;
     for (size_t s = 0; s < 4; s++)
         for (int i = 0; i < 3000; i++) {
             struct clipmap_cap cap;
@@ -48,18 +42,37 @@ static void a_cap_s_posts_fit_into_the_storage(void)
             struct clipmap_pane panes[CLIPMAP_PANES];
             clipmap_panes(&shapes[s], level, &cap, panes);
             int any = 0;
+            size_t half_posts = 0;
             for (int p = 0; p < CLIPMAP_PANES; p++) {
                 any += panes[p].posts.rows > 0;
+                half_posts += (size_t)(2 * panes[p].posts.rows + 1) *
+                              (size_t)(2 * panes[p].posts.cols + 1); /* grown by one all around */
                 too_wide += panes[p].posts.rows > clipmap_storage(&shapes[s]) ||
                             panes[p].posts.cols > clipmap_storage(&shapes[s]);
                 missing += panes[p].face % CLIPMAP_PANES != p;
             }
             missing += any == 0;
+            too_large += half_posts > window_filler_half_posts(&shapes[s]);
             levels++;
         }
     CHECK_INT(too_wide, 0);
+    CHECK_INT(too_large, 0);
     CHECK_INT(missing, 0);
     CHECK_INT(levels, 12000);
+}
+
+/* As one that has dug all of the Earth asks for. */
+static void a_cap_wider_than_a_window_has_all_posts(void)
+{
+    for (double radius = 0.7; radius <= 2.0; radius += 0.65)
+        for (int face = 0; face < CUBE_FACES; face++) {
+            struct clipmap_cap cap = {.radius = radius};
+            random_normal(cap.normal);
+            struct clipmap_rect posts = clipmap_cap_posts(&shapes[0], 10, face, &cap);
+            CHECK(posts.row0 <= 0 && posts.col0 <= 0);
+            CHECK(posts.row0 + posts.rows > clipmap_cells(&shapes[0], 10));
+            CHECK(posts.col0 + posts.cols > clipmap_cells(&shapes[0], 10));
+        }
 }
 
 /* The middle and the corners of a block; col and row count blocks. */
@@ -72,7 +85,7 @@ static double block_points(const struct clipmap_shape *shape, int level, int fac
     cube_normal(face, first_xi + 0.5 * side, first_eta + 0.5 * side, ret_middle);
     for (int i = 0; i < 4; i++) {
         cube_normal(face, first_xi + (i & 1) * side, first_eta + (i >> 1) * side, ret_corners[i]);
-        farthest = fmax(farthest, distance(ret_middle, ret_corners[i]));
+        farthest = fmax(farthest, cube_chord(ret_middle, ret_corners[i]));
     }
     return farthest;
 }
@@ -117,7 +130,7 @@ static bool is_split(const struct clipmap_shape *shape, int level, const double 
     if (level == 0)
         return false;
     block_points(shape, level, face, col, row, middle, corners);
-    double across = fmax(distance(middle, eye) - clipmap_reach(shape, level, eye).block, 0.0);
+    double across = fmax(cube_chord(middle, eye) - clipmap_reach(shape, level, eye).block, 0.0);
     return hypot(across, up) < ends[level - 1];
 }
 
@@ -171,9 +184,9 @@ static void neighbours_differ_by_one_level_and_agree(void)
                 int coarse = level > last ? level : last, fine = level > last ? last : level;
                 double least, most;
                 cube_normal(face, xi + before * turn_xi, eta + before * turn_eta, place);
-                least = hypot(distance(place, eye), up);
+                least = hypot(cube_chord(place, eye), up);
                 cube_normal(face, a, b, place);
-                most = hypot(distance(place, eye), up);
+                most = hypot(cube_chord(place, eye), up);
                 borders++;
                 steps += coarse - fine > 1;
                 disagree += most < ends[fine];
@@ -276,6 +289,7 @@ int main(void)
     shapes[3] = clipmap_shape(128, 8, 90.0 / (1 << 25));
     static const struct check_test tests[] = {
         {"a cap's posts fit into the storage", a_cap_s_posts_fit_into_the_storage},
+        {"a cap wider than a window has all posts", a_cap_wider_than_a_window_has_all_posts},
         {"blocks are as small as they are said to be", blocks_are_as_small_as_they_are_said_to_be},
         {"neighbours differ by one level and agree", neighbours_differ_by_one_level_and_agree},
         {"what is held does not shorten a level", what_is_held_does_not_shorten_a_level},

@@ -25,12 +25,6 @@ static double dot(const double a[3], const double b[3])
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-static double distance(const double a[3], const double b[3])
-{
-    double d[3] = {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
-    return sqrt(dot(d, d));
-}
-
 static void every_direction_lies_on_one_face(void)
 {
     double worst = 0.0;
@@ -42,7 +36,7 @@ static void every_direction_lies_on_one_face(void)
         cube_angles(face, n, &xi, &eta);
         beyond += fabs(xi) > QUARTER + 1e-12 || fabs(eta) > QUARTER + 1e-12;
         cube_normal(face, xi, eta, again);
-        worst = fmax(worst, distance(n, again));
+        worst = fmax(worst, cube_chord(n, again));
     }
     CHECK_INT(beyond, 0);
     CHECK(worst < 1e-15);
@@ -61,7 +55,7 @@ static void axes_are_right_handed(void)
         double cross[3] = {a[0][1] * a[1][2] - a[0][2] * a[1][1],
                            a[0][2] * a[1][0] - a[0][0] * a[1][2],
                            a[0][0] * a[1][1] - a[0][1] * a[1][0]};
-        CHECK(distance(cross, a[2]) < 1e-15);
+        CHECK(cube_chord(cross, a[2]) < 1e-15);
         double opposite[3][3];
         cube_axes((face + 3) % CUBE_FACES, opposite);
         CHECK_NEAR(dot(a[0], opposite[0]), -1.0, 1e-15);
@@ -82,7 +76,7 @@ static void a_normal_and_a_height_are_a_place(void)
         double across = 6378137.0 / sqrt(1.0 - e2 * n[2] * n[2]);
         for (int k = 0; k < 3; k++)
             mine[k] = (across * (k == 2 ? 1.0 - e2 : 1.0) + place.height_m) * n[k];
-        worst_m = fmax(worst_m, distance(ecef, mine));
+        worst_m = fmax(worst_m, cube_chord(ecef, mine));
     }
     CHECK(worst_m < 1e-8);
 }
@@ -120,7 +114,7 @@ static void faces_share_the_posts_of_their_edges(void)
                 double a[3], b[3];
                 normal_of(&own, a);
                 normal_of(&other, b);
-                worst = fmax(worst, distance(a, b));
+                worst = fmax(worst, cube_chord(a, b));
             }
         }
     CHECK_INT(one_sided, 0);
@@ -140,7 +134,7 @@ static void a_post_has_one_lowest_name(void)
                 double a[3], b[3];
                 normal_of(&post, a);
                 normal_of(&lowest, b);
-                wrong += distance(a, b) > 1e-15;
+                wrong += cube_chord(a, b) > 1e-15;
                 wrong += lowest.face > face || again.face != lowest.face ||
                          again.col != lowest.col || again.row != lowest.row;
                 bool at_col = col == 0 || col == cells, at_row = row == 0 || row == cells;

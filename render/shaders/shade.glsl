@@ -3,7 +3,7 @@
 // is thus the same whatever the geometry, but for pixels on an edge where they have several samples:
 // those are shaded one by one.
 
-layout(binding = 1) uniform sampler2DArray surfaces; // slope east, slope north (coded), water
+layout(binding = 1) uniform sampler2DArray surfaces; // slopes along and across (coded), water
 layout(binding = 2) uniform sampler2D ground;        // tiling: slope x, slope y, two noises
 // Near / distance along the view axis.
 #if SAMPLES > 1
