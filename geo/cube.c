@@ -2,8 +2,9 @@
 
 #include <math.h>
 
-#define DEGREE  (M_PI / 180.0)
-#define QUARTER (M_PI / 4.0)
+#define DEGREE     (M_PI / 180.0)
+#define QUARTER    (M_PI / 4.0)
+#define CORNER_RAD 0.9554 /* from the middle of a face to its corners, and a little */
 
 /* In the frame that is turned by CUBE_TURN_DEG. Opposite axes belong to opposite faces. */
 static const signed char axes[CUBE_FACES][3][3] = {
@@ -133,36 +134,38 @@ struct cap {
     double *xi, *eta; /* the range so far */
 };
 
-/* A direction in the face's axes that may be of the cap, where it lies on the face. */
-static void take(const struct cap *cap, const double v[3])
+/* A direction in the face's axes that may be of the cap, where it lies on the face: then true. */
+static bool take(const struct cap *cap, const double v[3])
 {
     const double slack = 1e-9;
     double xi = atan2(v[1], v[0]), eta = atan2(v[2], v[0]);
     if (v[0] <= 0.0 || fabs(xi) > QUARTER + slack || fabs(eta) > QUARTER + slack)
-        return;
+        return false;
     cap->xi[0] = fmin(cap->xi[0], fmax(xi, -QUARTER));
     cap->xi[1] = fmax(cap->xi[1], fmin(xi, QUARTER));
     cap->eta[0] = fmin(cap->eta[0], fmax(eta, -QUARTER));
     cap->eta[1] = fmax(cap->eta[1], fmin(eta, QUARTER));
+    return true;
 }
 
-/* Where the cap's rim touches a line of equal xi (axis 2) or eta (axis 1). */
-static void take_extremes(const struct cap *cap, int axis)
+/* Where the cap's rim touches a line of equal xi (axis 2) or eta (axis 1). Whether both places are
+ * on the face. */
+static bool take_extremes(const struct cap *cap, int axis)
 {
     const double *n = cap->normal;
     int other = 3 - axis;
     double across = hypot(n[0], n[other]), ratio = sin(cap->radius_rad) / across;
-    if (ratio >= 1.0)
-        return;
-    for (int way = -1; way <= 1; way += 2) {
+    bool both = ratio < 1.0;
+    for (int way = -1; ratio < 1.0 && way <= 1; way += 2) {
         double turned = atan2(n[other], n[0]) + way * asin(ratio), v[3];
         /* The rim's point on that great circle: the foot of the middle on its plane. */
         double along = n[0] * cos(turned) + n[other] * sin(turned);
         v[0] = along * cos(turned);
         v[other] = along * sin(turned);
         v[axis] = n[axis];
-        take(cap, v);
+        both &= take(cap, v);
     }
+    return both;
 }
 
 /* Where the rim crosses the great circle of a side of the face. */
@@ -202,11 +205,16 @@ bool cube_cap_range(int face, const double normal[3], double radius_rad, double 
     turn(1.0, normal, v);
     for (int i = 0; i < 3; i++)
         cap.normal[i] = along(axes[face][i], v);
+    if (cap.normal[0] < cos(radius_rad + CORNER_RAD))
+        return false;
     ret_xi[0] = ret_eta[0] = INFINITY;
     ret_xi[1] = ret_eta[1] = -INFINITY;
-    take(&cap, cap.normal);
+    bool whole = take(&cap, cap.normal);
+    for (int axis = 1; axis <= 2; axis++)
+        whole &= take_extremes(&cap, axis);
+    if (whole) /* none of it is beyond the face */
+        return true;
     for (int axis = 1; axis <= 2; axis++) {
-        take_extremes(&cap, axis);
         take_crossings(&cap, axis, 1.0);
         take_crossings(&cap, axis, -1.0);
     }

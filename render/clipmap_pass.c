@@ -21,7 +21,6 @@
 #define UPLOAD_GROUP      64   /* texels of a work group of upload.comp, blocks of bounds.comp */
 #define UPLOAD_GROUPS_X   1024 /* work groups side by side */
 #define UPLOAD_RECTS      (3 * LOADER_MAX_STRIPS)
-#define SELECT_GROUP      8 /* entries a side of a work group of select.comp */
 
 /* The uniform block is bound by the renderer; these are select.comp's storage blocks. */
 enum { STORAGE_SPLITS, STORAGE_DRAWS, STORAGE_BLOCKS };
@@ -245,35 +244,13 @@ static void add_texels(const struct clipmap_pass *pass, struct upload *upload,
                                   .mask = side - 1});
 }
 
-static int floor_div(int a, int b)
-{
-    return a >= 0 ? a / b : -((b - 1 - a) / b);
-}
-
-/* The blocks that lie whole in a window and have any of these posts. */
-static struct clipmap_rect blocks_with(int block, struct clipmap_rect window,
-                                       struct clipmap_rect posts)
-{
-    struct clipmap_rect held = {floor_div(window.row0 + block - 1, block),
-                                floor_div(window.col0 + block - 1, block),
-                                floor_div(window.row0 + window.rows - 1, block),
-                                floor_div(window.col0 + window.cols - 1, block)};
-    held.rows -= held.row0;
-    held.cols -= held.col0;
-    struct clipmap_rect touched = {floor_div(posts.row0 - 1, block),
-                                   floor_div(posts.col0 - 1, block),
-                                   floor_div(posts.row0 + posts.rows - 1, block) + 1,
-                                   floor_div(posts.col0 + posts.cols - 1, block) + 1};
-    touched.rows -= touched.row0;
-    touched.cols -= touched.col0;
-    return clipmap_common(held, touched);
-}
-
 static void add_blocks(const struct clipmap_pass *pass, struct upload *upload,
                        const struct loader_update *update, const struct loader_strip *strip)
 {
-    struct clipmap_rect window = update->levels[strip->level].panes[strip->pane].posts;
-    struct clipmap_rect blocks = blocks_with(pass->shape.block, window, strip->posts);
+    const struct clipmap_pane *pane = &update->levels[strip->level].panes[strip->pane];
+    struct clipmap_rect blocks =
+        clipmap_common(clipmap_whole_blocks(&pass->shape, strip->level, pane),
+                       clipmap_blocks_with(&pass->shape, strip->posts));
     if (blocks.rows == 0)
         return;
     add_rect(pass, upload, &upload->ends, &upload->block_groups,
@@ -361,19 +338,18 @@ uint64_t clipmap_pass_take_uploaded(struct clipmap_pass *pass)
     return uploaded;
 }
 
-void clipmap_pass_select(const struct clipmap_pass *pass)
+void clipmap_pass_select(const struct clipmap_pass *pass, int groups)
 {
-    GLuint groups = (GLuint)clipmap_table(&pass->shape) / SELECT_GROUP;
-    GLuint panes = (GLuint)pass->shape.levels * CLIPMAP_PANES;
+    GLuint some = groups > 0 ? (GLuint)groups : 1; /* the first empties the list */
     glBindBufferBase(GL_SHADER_STORAGE_BUFFER, STORAGE_SPLITS, pass->splits);
     glBindBufferBase(GL_SHADER_STORAGE_BUFFER, STORAGE_DRAWS, pass->draws);
     glBindBufferBase(GL_SHADER_STORAGE_BUFFER, STORAGE_BLOCKS, pass->blocks);
     glBindTextureUnit(0, pass->bounds);
     glUseProgram(pass->split_program);
-    glDispatchCompute(groups, groups, panes);
+    glDispatchCompute(some, 1, 1);
     glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT);
     glUseProgram(pass->list_program);
-    glDispatchCompute(groups, groups, panes);
+    glDispatchCompute(some, 1, 1);
     glMemoryBarrier(GL_COMMAND_BARRIER_BIT | GL_VERTEX_ATTRIB_ARRAY_BARRIER_BIT);
 }
 

@@ -36,7 +36,7 @@ uint64_t clipmap_pass_take_uploaded(struct clipmap_pass *pass);
 /* Copies the strips of the updates that were applied. */
 void clipmap_pass_upload(struct clipmap_pass *pass);
 
-/* Chooses the blocks of a frame, and draws them. The scene block is bound and holds these levels.
- */
-void clipmap_pass_select(const struct clipmap_pass *pass);
+/* Chooses the blocks of a frame, and draws them. The scene block is bound and holds these levels;
+ * `groups` is what scene_set_levels() returned. */
+void clipmap_pass_select(const struct clipmap_pass *pass, int groups);
 void clipmap_pass_draw(const struct clipmap_pass *pass);

@@ -35,6 +35,7 @@ struct renderer {
     GLuint framebuffer, colour;         /* what the shading pass writes */
     struct mapped_buffer scenes;        /* BUFFERED_SCENES parts */
     unsigned scene;
+    int select_groups; /* of the blocks that may be drawn: scene_set_levels() */
     bool debug_groups;
     GLuint time_query, pass_queries[PASS_MARKS], triangle_query;
     struct loader_update *held[LOADER_UPDATES]; /* being copied from by this frame */
@@ -291,8 +292,8 @@ static bool fill_scene(struct renderer *renderer, const struct view *view, doubl
     const struct loader_level *levels = clipmap_pass_levels(renderer->clipmap);
     scene_set_view(view, scene);
     if (levels)
-        scene_set_levels(view, &renderer->shape, levels, renderer->ground.nearest_m, pixel_rad,
-                         scene);
+        renderer->select_groups = scene_set_levels(view, &renderer->shape, levels,
+                                                   renderer->ground.nearest_m, pixel_rad, scene);
     return levels;
 }
 
@@ -359,7 +360,7 @@ void renderer_draw(struct renderer *renderer, struct view *view)
     image_pass_upload(renderer->images);
     bind_scene(renderer);
     if (terrain)
-        clipmap_pass_select(renderer->clipmap);
+        clipmap_pass_select(renderer->clipmap, renderer->select_groups);
     begin_pass(renderer, PASS_TERRAIN, "terrain");
     glBeginQuery(GL_PRIMITIVES_GENERATED, renderer->triangle_query);
     glBindFramebuffer(GL_FRAMEBUFFER, renderer->geometry_framebuffer);

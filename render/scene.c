@@ -1,5 +1,6 @@
 #include "render/scene.h"
 
+#include <assert.h>
 #include <math.h>
 
 #include "geo/cube.h"
@@ -10,6 +11,9 @@
 #define WGS84_E2       6.69437999014e-3
 #define CONTRAST_LN    3.912  /* ln(1 / 0.02): Koschmieder's constant */
 #define SCALE_HEIGHT_M 7000.0 /* over which the air's haze thins by e */
+#define LOWEST_M       -500.0 /* of any land, above the ellipsoid: select.comp */
+#define HIGHEST_M      9000.0
+#define LEAST_RADIUS_M 6.33e6 /* of curvature */
 #define RAMP_END       0.999 /* of a level's reach: wholly blended from there, whatever is rounded */
 
 /* Reversed depth with the far plane at infinity: near -> 1, infinity -> 0. */
@@ -132,19 +136,64 @@ static void set_edges(struct scene_block *scene)
         }
 }
 
-static void set_window(const struct scene_block *scene, int p, const struct clipmap_pane *held,
-                       int32_t ret_window[4])
+/* The farthest land that can be seen (a chord), on either side of the horizon. */
+static double farthest_in_sight(double height_m)
 {
-    bool near = held->face == scene->panes[p].origin[2];
-    ret_window[0] = held->posts.col0;
-    ret_window[1] = held->posts.row0;
-    ret_window[2] = near ? held->posts.cols : 0;
-    ret_window[3] = near ? held->posts.rows : 0;
+    double above_m = fmax(height_m, 0.0) - LOWEST_M, peak_m = HIGHEST_M - LOWEST_M;
+    return (sqrt(above_m * (2.0 * WGS84_A + above_m)) + sqrt(peak_m * (2.0 * WGS84_A + peak_m))) /
+           LEAST_RADIUS_M;
 }
 
-void scene_set_levels(const struct view *view, const struct clipmap_shape *shape,
-                      const struct loader_level *levels, double nearest_m, double pixel_rad,
-                      struct scene_block *ret_scene)
+/* The blocks of a level among which are all that are drawn of it: children of those that may be
+ * split; of the coarsest level those in sight. */
+static struct clipmap_rect find_candidates(const struct clipmap_shape *shape,
+                                           const struct loader_level *levels, const double *ends,
+                                           int level, int pane, int face, const double normal[3],
+                                           double nearest, double farthest)
+{
+    bool top = level == shape->levels - 1;
+    int holder = top ? level : level + 1; /* of the blocks, or of their parents */
+    const struct clipmap_pane *held = &levels[holder].panes[pane];
+    double across = top ? fmin(ends[level], farthest)
+                        : sqrt(fmax(ends[level] * ends[level] - nearest * nearest, 0.0));
+    if (across <= 0.0 || held->face != face)
+        return (struct clipmap_rect){0};
+    struct clipmap_rect blocks =
+        clipmap_common(clipmap_near_blocks(shape, holder, face, normal, across),
+                       clipmap_whole_blocks(shape, holder, held));
+    int each = top ? 1 : 2;
+    return (struct clipmap_rect){each * blocks.row0, each * blocks.col0, each * blocks.rows,
+                                 each * blocks.cols};
+}
+
+/* Returns the work groups. */
+static int set_candidates(const struct clipmap_shape *shape, const struct loader_level *levels,
+                          const double *ends, const double normal[3], struct scene_block *scene)
+{
+    double farthest = farthest_in_sight((double)scene->eye_trig[3]);
+    int group = 0;
+    for (int level = 0; level < shape->levels; level++) {
+        for (int p = 0; p < CLIPMAP_PANES; p++) {
+            struct clipmap_rect blocks =
+                find_candidates(shape, levels, ends, level, p, scene->panes[p].origin[2], normal,
+                                (double)scene->grid[1], farthest);
+            assert(blocks.rows <= clipmap_table(shape) && blocks.cols <= clipmap_table(shape));
+            int32_t *ret = scene->candidates[CLIPMAP_PANES * level + p];
+            ret[0] = blocks.col0;
+            ret[1] = blocks.row0;
+            ret[2] = blocks.cols;
+            ret[3] = blocks.rows;
+            scene->groups[level][p] = group;
+            group += (blocks.rows * blocks.cols + SCENE_GROUP - 1) / SCENE_GROUP;
+        }
+        scene->groups[level][CLIPMAP_PANES] = group;
+    }
+    return group;
+}
+
+int scene_set_levels(const struct view *view, const struct clipmap_shape *shape,
+                     const struct loader_level *levels, double nearest_m, double pixel_rad,
+                     struct scene_block *ret_scene)
 {
     struct scene_block *scene = ret_scene;
     double normal[3], ends[CLIPMAP_MAX_LEVELS], step_rad = clipmap_step_rad(shape, 0);
@@ -176,9 +225,6 @@ void scene_set_levels(const struct view *view, const struct clipmap_shape *shape
         if (ends[level] > 0.0 && level < shape->levels - 1)
             shortest = fmin(shortest, ends[level] / reach.end);
         finest = ends[level] > 0.0 ? level : finest;
-        for (int p = 0; p < CLIPMAP_PANES; p++)
-            set_window(scene, p, &levels[level].panes[p],
-                       scene->windows[CLIPMAP_PANES * level + p]);
     }
     scene->eye_rest[1] = (float)(1.0 / (shortest * clipmap_reach(shape, 0, normal).end));
     scene->eye_rest[2] = (float)(1.0 / CLIPMAP_BLEND);
@@ -189,4 +235,5 @@ void scene_set_levels(const struct view *view, const struct clipmap_shape *shape
     scene->grid[0] = (float)(0.5 * step_rad);
     scene->grid[1] = (float)(fmax(nearest_m, 0.0) / WGS84_A);
     scene->grid[2] = (float)(pixel_rad / (step_rad * WGS84_A));
+    return set_candidates(shape, levels, ends, normal, scene);
 }

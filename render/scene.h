@@ -29,8 +29,11 @@ struct scene_block {
     struct scene_pane panes[CLIPMAP_PANES];
     int32_t edges[4 * CLIPMAP_PANES][4];
     float levels[CLIPMAP_MAX_LEVELS][4];
-    int32_t windows[CLIPMAP_PANES * CLIPMAP_MAX_LEVELS][4];
+    int32_t candidates[CLIPMAP_PANES * CLIPMAP_MAX_LEVELS][4];
+    int32_t groups[CLIPMAP_MAX_LEVELS][4];
 };
+
+#define SCENE_GROUP 64 /* candidates of a work group of select.comp */
 
 _Static_assert(sizeof(struct scene_pane) == 112, "std140 stride of Pane");
 _Static_assert(offsetof(struct scene_block, eye_trig) == 128, "std140");
@@ -42,7 +45,8 @@ _Static_assert(offsetof(struct scene_block, levels) == 848, "std140");
 void scene_set_view(const struct view *view, struct scene_block *ret_scene);
 
 /* Where the eye is on the clipmap: `levels` is what is held, `nearest_m` how far the nearest ground
- * is, `pixel_rad` the angle of a pixel at the centre of the view. */
-void scene_set_levels(const struct view *view, const struct clipmap_shape *shape,
-                      const struct loader_level *levels, double nearest_m, double pixel_rad,
-                      struct scene_block *ret_scene);
+ * is, `pixel_rad` the angle of a pixel at the centre of the view. After scene_set_view. Returns the
+ * work groups that choosing the blocks takes (clipmap_pass_select). */
+int scene_set_levels(const struct view *view, const struct clipmap_shape *shape,
+                     const struct loader_level *levels, double nearest_m, double pixel_rad,
+                     struct scene_block *ret_scene);

@@ -130,6 +130,43 @@ void clipmap_panes(const struct clipmap_shape *shape, int level, const struct cl
     }
 }
 
+static int32_t floor_div(int32_t a, int32_t b)
+{
+    return a >= 0 ? a / b : -((b - 1 - a) / b);
+}
+
+struct clipmap_rect clipmap_blocks_with(const struct clipmap_shape *shape,
+                                        struct clipmap_rect posts)
+{
+    if (posts.rows <= 0 || posts.cols <= 0)
+        return (struct clipmap_rect){0};
+    int32_t south = floor_div(posts.row0 - 1, shape->block);
+    int32_t west = floor_div(posts.col0 - 1, shape->block);
+    return (struct clipmap_rect){south, west,
+                                 floor_div(posts.row0 + posts.rows - 1, shape->block) + 1 - south,
+                                 floor_div(posts.col0 + posts.cols - 1, shape->block) + 1 - west};
+}
+
+struct clipmap_rect clipmap_near_blocks(const struct clipmap_shape *shape, int level, int face,
+                                        const double normal[3], double across)
+{
+    struct clipmap_cap cap = {.normal = {normal[0], normal[1], normal[2]},
+                              .radius = across + clipmap_reach(shape, level, normal).block};
+    return clipmap_blocks_with(shape, clipmap_cap_posts(shape, level, face, &cap));
+}
+
+struct clipmap_rect clipmap_whole_blocks(const struct clipmap_shape *shape, int level,
+                                         const struct clipmap_pane *pane)
+{
+    int32_t side = clipmap_cells(shape, level) + 1, block = shape->block;
+    struct clipmap_rect held = clipmap_common(pane->posts, (struct clipmap_rect){0, 0, side, side});
+    int32_t south = floor_div(held.row0 + block - 1, block);
+    int32_t west = floor_div(held.col0 + block - 1, block);
+    struct clipmap_rect blocks = {south, west, floor_div(held.row0 + held.rows - 1, block) - south,
+                                  floor_div(held.col0 + held.cols - 1, block) - west};
+    return blocks.rows > 0 && blocks.cols > 0 ? blocks : (struct clipmap_rect){0};
+}
+
 static bool is_empty(struct clipmap_rect rect)
 {
     return rect.rows <= 0 || rect.cols <= 0;

@@ -96,6 +96,19 @@ struct clipmap_pane {
 void clipmap_panes(const struct clipmap_shape *shape, int level, const struct clipmap_cap *cap,
                    struct clipmap_pane ret_panes[CLIPMAP_PANES]);
 
+/* The blocks (in units of blocks) that have any of these posts. */
+struct clipmap_rect clipmap_blocks_with(const struct clipmap_shape *shape,
+                                        struct clipmap_rect posts);
+
+/* The blocks of a level on one face whose middle is within `across` (a chord), and a bound of its
+ * size, of a place; and some around them. */
+struct clipmap_rect clipmap_near_blocks(const struct clipmap_shape *shape, int level, int face,
+                                        const double normal[3], double across);
+
+/* The blocks of which a pane has all posts. */
+struct clipmap_rect clipmap_whole_blocks(const struct clipmap_shape *shape, int level,
+                                         const struct clipmap_pane *pane);
+
 /* Those of one face that a cap needs; of any length. */
 struct clipmap_rect clipmap_cap_posts(const struct clipmap_shape *shape, int level, int face,
                                       const struct clipmap_cap *cap);

@@ -134,6 +134,18 @@ static bool is_split(const struct clipmap_shape *shape, int level, const double 
     return hypot(across, up) < ends[level - 1];
 }
 
+/* Whether a block that is split is among those that are looked at. */
+static bool is_looked_at(const struct clipmap_shape *shape, int level, const double eye[3],
+                         double up, const double *ends, int face, int32_t col, int32_t row)
+{
+    double across = sqrt(fmax(ends[level - 1] * ends[level - 1] - up * up, 0.0));
+    struct clipmap_rect near = clipmap_near_blocks(shape, level, face, eye, across);
+    return row >= near.row0 && row < near.row0 + near.rows && col >= near.col0 &&
+           col < near.col0 + near.cols;
+}
+
+static int overlooked;
+
 /* Goes down to the leaf that has a place; returns its level. */
 static int leaf_at(const struct clipmap_shape *shape, const double eye[3], double up,
                    const double *ends, int face, double xi, double eta)
@@ -145,6 +157,7 @@ static int leaf_at(const struct clipmap_shape *shape, const double eye[3], doubl
         int32_t row = (int32_t)floor((eta + M_PI / 4.0) / side);
         if (!is_split(shape, level, eye, up, ends, face, col, row))
             return level;
+        overlooked += !is_looked_at(shape, level, eye, up, ends, face, col, row);
     }
 }
 
@@ -200,6 +213,7 @@ static void neighbours_differ_by_one_level_and_agree(void)
     }
     CHECK_INT(steps, 0);
     CHECK_INT(disagree, 0);
+    CHECK_INT(overlooked, 0);
     CHECK(borders > 8000);
 }
 

@@ -138,12 +138,13 @@ static void capture(struct mesh *mesh, const struct view *view, double above_m)
     GLint bytes = 0;
     GLuint written = 0;
     scene_set_view(view, &scene);
-    scene_set_levels(view, &mesh->shape, clipmap_pass_levels(mesh->pass), above_m, 1e-3, &scene);
+    int groups = scene_set_levels(view, &mesh->shape, clipmap_pass_levels(mesh->pass), above_m,
+                                  1e-3, &scene);
     glNamedBufferSubData(mesh->scene, 0, sizeof(scene), &scene);
     glBindBufferBase(GL_UNIFORM_BUFFER, 0, mesh->scene);
     glBindFramebuffer(GL_FRAMEBUFFER, mesh->framebuffer);
     glEnable(GL_RASTERIZER_DISCARD);
-    clipmap_pass_select(mesh->pass);
+    clipmap_pass_select(mesh->pass, groups);
     clipmap_pass_draw(mesh->pass);
     glGetBufferParameteriv(GL_DRAW_INDIRECT_BUFFER, GL_BUFFER_SIZE, &bytes);
     glUseProgram(mesh->program);

@@ -36,7 +36,9 @@ layout(std140, binding = 0) uniform Scene {
     vec4 levels[MAX_LEVELS]; // chords (terrain/clipmap.h): where the level ends, 0: it is not there;
                              // where its blending starts; 1 / from there to the end; no point of a
                              // block is farther from its middle
-    ivec4 windows[PANES * MAX_LEVELS]; // first column, first row, columns, rows that are held
+    ivec4 candidates[PANES * MAX_LEVELS]; // blocks that may be drawn or split: first column, first row,
+                                          // columns, rows
+    ivec4 groups[MAX_LEVELS]; // select.comp's work groups: the first of each pane's candidates; the end
 } scene;
 
 vec3 sky_colour(vec3 direction)

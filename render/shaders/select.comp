@@ -1,9 +1,9 @@
-// Chooses the blocks of a frame. With SPLIT it says of every block that a level holds whether it is
-// split into four of the next finer level; without, it lists those that are not split, whose parents
-// are, and that can be seen.
+// Chooses the blocks of a frame among the candidates of each level. With SPLIT it says of every block
+// whether it is split into four of the next finer level; without, it lists those that are not split,
+// whose parents are, and that can be seen.
 //
 // A pane's blocks lie in a toroidal table of TABLE x TABLE, as its posts do in their storage.
-layout(local_size_x = 8, local_size_y = 8) in;
+layout(local_size_x = 64) in;
 
 struct Draw {
     uint vertices, instances, first, base_instance;
@@ -17,14 +17,6 @@ layout(std430, binding = 1) buffer Draws {
 };
 layout(std430, binding = 2) writeonly buffer Blocks { ivec4 blocks[]; };
 layout(binding = 0) uniform sampler2DArray bounds; // least and greatest height
-
-bool is_held(ivec2 block, int level, int pane)
-{
-    ivec4 window = scene.windows[PANES * level + pane];
-    ivec2 first = block * BLOCK, cells = ivec2(scene.sizes.y >> (level + 1));
-    return window.z > 0 && all(greaterThanEqual(first, max(window.xy, ivec2(0)))) &&
-           all(lessThan(first + BLOCK, min(window.xy + window.zw, cells + 1)));
-}
 
 int entry_of(ivec2 block, int level, int pane)
 {
@@ -47,10 +39,10 @@ bool is_split(vec3 middle, int level)
     return across * across + scene.grid.y * scene.grid.y < end * end;
 }
 
-void choose(ivec2 block, int level, int pane, int entry)
+void choose(ivec2 block, int level, int pane)
 {
-    splits[entry] = is_held(block, level, pane) && is_split(middle_of(block, level, pane), level)
-                        ? 1u : 0u;
+    splits[entry_of(block, level, pane)] =
+        is_split(middle_of(block, level, pane), level) ? 1u : 0u;
 }
 
 #else
@@ -59,7 +51,10 @@ const float LOWEST_LAND_M = 500.0; // below the ellipsoid: deeper than the shore
 
 bool splits_at(ivec2 block, int level, int pane)
 {
-    return is_held(block, level, pane) && splits[entry_of(block, level, pane)] == 1u;
+    ivec4 candidates = scene.candidates[PANES * level + pane];
+    ivec2 at = block - candidates.xy;
+    return all(greaterThanEqual(at, ivec2(0))) && all(lessThan(at, candidates.zw)) &&
+           splits[entry_of(block, level, pane)] == 1u;
 }
 
 // Whether the block across a side is split; not where there is none near.
@@ -119,9 +114,9 @@ bool can_be_seen(ivec2 block, int level, int pane, vec3 middle)
            !outside_frustum(corners, bulge_m);
 }
 
-void choose(ivec2 block, int level, int pane, int entry)
+void choose(ivec2 block, int level, int pane)
 {
-    if (!is_held(block, level, pane) || splits[entry] == 1u)
+    if (splits[entry_of(block, level, pane)] == 1u)
         return;
     if (level < scene.sizes.w && !splits_at(block >> 1, level + 1, pane))
         return;
@@ -146,18 +141,21 @@ void choose(ivec2 block, int level, int pane, int entry)
 void main()
 {
 #if SPLIT
-    if (gl_WorkGroupID == uvec3(0u)) {
+    if (gl_WorkGroupID.x == 0u) {
         for (uint i = gl_LocalInvocationIndex; i < uint(DRAWS); i += 64u)
             draws[i].vertices = 0u;
         count = 0u;
     }
 #endif
-    int level = int(gl_WorkGroupID.z) / PANES, pane = int(gl_WorkGroupID.z) % PANES;
-    ivec4 window = scene.windows[PANES * level + pane];
-    if (window.z == 0)
+    int group = int(gl_WorkGroupID.x), level = 0;
+    while (level < scene.sizes.w && group >= scene.groups[level].w)
+        level++;
+    ivec4 groups = scene.groups[level];
+    int pane = int(group >= groups.y) + int(group >= groups.z);
+    ivec4 candidates = scene.candidates[PANES * level + pane];
+    int first = pane == 0 ? groups.x : pane == 1 ? groups.y : groups.z;
+    int index = 64 * (group - first) + int(gl_LocalInvocationIndex);
+    if (index >= candidates.z * candidates.w)
         return;
-    // The block at this entry of the table that lies in the window.
-    ivec2 first = window.xy >> findMSB(BLOCK);
-    ivec2 block = first + ((ivec2(gl_GlobalInvocationID.xy) - first) & (TABLE - 1));
-    choose(block, level, pane, entry_of(block, level, pane));
+    choose(candidates.xy + ivec2(index % candidates.z, index / candidates.z), level, pane);
 }

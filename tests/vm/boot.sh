@@ -55,7 +55,7 @@ fi
 
 # The first serial line is the kernel's console, the second the suite's report.
 : >report
-timeout "${VM_LIMIT_S:-340}" qemu-system-x86_64 -accel tcg,thread=multi -machine q35 -cpu max \
+timeout "${VM_LIMIT_S:-900}" qemu-system-x86_64 -accel tcg,thread=multi -machine q35 -cpu max \
     -smp 2 -m 3072 -nodefaults -no-reboot -display none -serial file:console -serial file:report \
     -kernel "$kernel" -initrd initramfs -append "console=ttyS0 quiet panic=-1 $options" \
     -fsdev local,id=host,path=/,security_model=none,readonly=on,multidevs=remap \
