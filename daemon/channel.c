@@ -43,6 +43,7 @@ static int create_renderer(struct channel *channel, const struct channel_params 
         .geoid = terrain.geoid,
         .imagery = terrain.imagery,
         .samples = params->samples,
+        .pixel_error = params->pixel_error,
     };
     return renderer_create(&renderer, &channel->gl, &channel->renderer, diag);
 }

@@ -17,17 +17,19 @@
  * and full of holes in Mesa's software rasterisers (docs/performance.md). Draws of a third of that
  * are handed over one by one: one is rasterised while the next is tessellated. */
 #define SOFTWARE_VERTICES 24576
-#define BLOCKS_A_LEVEL    512  /* that may be drawn, about */
+#define BLOCKS_LEAST      512  /* of a level, that there is room for */
 #define UPLOAD_GROUP      64   /* texels of a work group of upload.comp, blocks of bounds.comp */
 #define UPLOAD_GROUPS_X   1024 /* work groups side by side */
 #define UPLOAD_RECTS      (3 * LOADER_MAX_STRIPS)
 
-/* The uniform block is bound by the renderer; these are select.comp's storage blocks. */
-enum { STORAGE_SPLITS, STORAGE_DRAWS, STORAGE_BLOCKS };
+/* The uniform block is bound by the renderer; these are the storage blocks of reach.comp and
+ * select.comp. */
+enum { STORAGE_SPLITS, STORAGE_DRAWS, STORAGE_BLOCKS, STORAGE_REACHES, STORAGES };
 
 /* As select.comp writes them. */
 struct block_vertex {
     int32_t col, row, level_and_pane, doubled;
+    float reaches[4];
 };
 
 struct draw_command {
@@ -64,9 +66,9 @@ struct upload {
 struct clipmap_pass {
     struct clipmap_shape shape;
     bool software;
-    GLuint program, upload_program, bounds_program, split_program, list_program;
+    GLuint program, upload_program, bounds_program, reach_program, split_program, list_program;
     GLuint vertex_array, heights, surfaces, bounds, ground;
-    GLuint splits, draws, blocks; /* buffers that the GPU alone uses */
+    GLuint storages[STORAGES]; /* buffers that the GPU alone uses */
     unsigned draw_count, blocks_a_draw;
     struct mapped_buffer arenas;        /* LOADER_UPDATES parts, which the loader writes */
     struct mapped_buffer upload_blocks; /* a part for each arena */
@@ -112,7 +114,7 @@ static int create_draws(struct clipmap_pass *pass)
     for (unsigned i = 0; i < pass->draw_count; i++)
         list->draws[i] =
             (struct draw_command){.instances = squares, .first = i * pass->blocks_a_draw};
-    pass->draws = create_buffer(bytes, list);
+    pass->storages[STORAGE_DRAWS] = create_buffer(bytes, list);
     free(list);
     return 0;
 }
@@ -121,8 +123,9 @@ static int create_buffers(struct clipmap_pass *pass, struct diag *diag)
 {
     size_t arena = loader_arena_bytes(&pass->shape), table = (size_t)clipmap_table(&pass->shape);
     size_t panes = (size_t)pass->shape.levels * CLIPMAP_PANES;
-    pass->splits = create_buffer(panes * table * table * sizeof(GLuint), NULL);
-    pass->blocks = create_buffer(
+    pass->storages[STORAGE_SPLITS] = create_buffer(panes * table * table * sizeof(GLuint), NULL);
+    pass->storages[STORAGE_REACHES] = create_buffer(panes * table * table * sizeof(GLfloat), NULL);
+    pass->storages[STORAGE_BLOCKS] = create_buffer(
         (size_t)pass->draw_count * pass->blocks_a_draw * sizeof(struct block_vertex), NULL);
     int r = create_draws(pass);
     if (r == 0)
@@ -138,10 +141,15 @@ static int create_buffers(struct clipmap_pass *pass, struct diag *diag)
 static void create_vertex_array(struct clipmap_pass *pass)
 {
     glCreateVertexArrays(1, &pass->vertex_array);
-    glVertexArrayVertexBuffer(pass->vertex_array, 0, pass->blocks, 0, sizeof(struct block_vertex));
+    glVertexArrayVertexBuffer(pass->vertex_array, 0, pass->storages[STORAGE_BLOCKS], 0,
+                              sizeof(struct block_vertex));
     glVertexArrayAttribIFormat(pass->vertex_array, 0, 4, GL_INT, 0);
     glEnableVertexArrayAttrib(pass->vertex_array, 0);
+    glVertexArrayAttribFormat(pass->vertex_array, 1, 4, GL_FLOAT, GL_FALSE,
+                              offsetof(struct block_vertex, reaches));
+    glEnableVertexArrayAttrib(pass->vertex_array, 1);
     glVertexArrayAttribBinding(pass->vertex_array, 0, 0);
+    glVertexArrayAttribBinding(pass->vertex_array, 1, 0);
 }
 
 static int create_programs(struct clipmap_pass *pass, struct diag *diag)
@@ -150,20 +158,24 @@ static int create_programs(struct clipmap_pass *pass, struct diag *diag)
     static const char format[] = "#define BLOCK %d\n#define TABLE %d\n#define DRAWS %u\n"
                                  "#define BLOCKS_A_DRAW %u\n#define SPLIT %d\n";
     const struct {
-        const char *name;
+        const char *name, *shared;
         GLuint *program;
         int split;
     } programs[] = {
-        {"terrain", &pass->program, 0},       {"upload", &pass->upload_program, 0},
-        {"bounds", &pass->bounds_program, 0}, {"select", &pass->split_program, 1},
-        {"select", &pass->list_program, 0},
+        {"terrain", NULL, &pass->program, 0},
+        {"upload", NULL, &pass->upload_program, 0},
+        {"bounds", NULL, &pass->bounds_program, 0},
+        {"reach", "blocks.glsl", &pass->reach_program, 0},
+        {"select", "blocks.glsl", &pass->split_program, 1},
+        {"select", "blocks.glsl", &pass->list_program, 0},
     };
     int r = 0;
     for (size_t i = 0; i < sizeof(programs) / sizeof(programs[0]) && r == 0; i++) {
         snprintf(defines, sizeof(defines), format, pass->shape.block, clipmap_table(&pass->shape),
                  pass->draw_count, pass->blocks_a_draw, programs[i].split);
-        r = program_create(&(struct program_params){.name = programs[i].name, .defines = defines},
-                           programs[i].program, diag);
+        const struct program_params params = {
+            .name = programs[i].name, .defines = defines, .shared = {programs[i].shared}};
+        r = program_create(&params, programs[i].program, diag);
     }
     return r;
 }
@@ -174,7 +186,8 @@ int clipmap_pass_create(const struct clipmap_shape *shape, const struct gl_facts
     struct clipmap_pass *pass = calloc(1, sizeof(*pass));
     if (!pass)
         return diag_set(diag, -ENOMEM, "no memory for the clipmap");
-    unsigned blocks = BLOCKS_A_LEVEL * (unsigned)shape->levels;
+    unsigned across = (unsigned)(shape->radius / shape->block), a_level = 2 * across * across;
+    unsigned blocks = (a_level > BLOCKS_LEAST ? a_level : BLOCKS_LEAST) * (unsigned)shape->levels;
     unsigned squares = (unsigned)(shape->block * shape->block / 4);
     unsigned vertices = 9 * squares + 4 * (unsigned)shape->block;
     *pass = (struct clipmap_pass){.shape = *shape, .software = facts->software};
@@ -189,7 +202,7 @@ int clipmap_pass_create(const struct clipmap_shape *shape, const struct gl_facts
     }
     pass->heights = create_array(shape, clipmap_storage(shape), GL_RG32F, GL_NEAREST);
     pass->surfaces = create_array(shape, 2 * clipmap_storage(shape), GL_RGBA8, GL_LINEAR);
-    pass->bounds = create_array(shape, clipmap_table(shape), GL_RG32F, GL_NEAREST);
+    pass->bounds = create_array(shape, clipmap_table(shape), GL_RGBA32F, GL_NEAREST);
     pass->ground = ground_texture_create(facts->software);
     create_vertex_array(pass);
     *ret_pass = pass;
@@ -201,15 +214,15 @@ void clipmap_pass_destroy(struct clipmap_pass *pass)
     if (!pass)
         return;
     const GLuint textures[] = {pass->heights, pass->surfaces, pass->bounds, pass->ground};
-    const GLuint buffers[] = {pass->splits, pass->draws, pass->blocks};
     glDeleteTextures(4, textures);
-    glDeleteBuffers(3, buffers);
+    glDeleteBuffers(STORAGES, pass->storages);
     mapped_buffer_destroy(&pass->upload_blocks);
     mapped_buffer_destroy(&pass->arenas);
     glDeleteVertexArrays(1, &pass->vertex_array);
     glDeleteProgram(pass->program);
     glDeleteProgram(pass->upload_program);
     glDeleteProgram(pass->bounds_program);
+    glDeleteProgram(pass->reach_program);
     glDeleteProgram(pass->split_program);
     glDeleteProgram(pass->list_program);
     free(pass);
@@ -300,7 +313,7 @@ static void find_bounds(const struct clipmap_pass *pass, const struct upload *up
 {
     glUseProgram(pass->bounds_program);
     glBindTextureUnit(0, pass->heights);
-    glBindImageTexture(0, pass->bounds, 0, GL_TRUE, 0, GL_WRITE_ONLY, GL_RG32F);
+    glBindImageTexture(0, pass->bounds, 0, GL_TRUE, 0, GL_WRITE_ONLY, GL_RGBA32F);
     glUniform2i(0, (GLint)upload->rects, (GLint)upload->ends);
     if (upload->block_groups > 0)
         glDispatchCompute(upload->block_groups, 1, 1);
@@ -341,10 +354,12 @@ uint64_t clipmap_pass_take_uploaded(struct clipmap_pass *pass)
 void clipmap_pass_select(const struct clipmap_pass *pass, int groups)
 {
     GLuint some = groups > 0 ? (GLuint)groups : 1; /* the first empties the list */
-    glBindBufferBase(GL_SHADER_STORAGE_BUFFER, STORAGE_SPLITS, pass->splits);
-    glBindBufferBase(GL_SHADER_STORAGE_BUFFER, STORAGE_DRAWS, pass->draws);
-    glBindBufferBase(GL_SHADER_STORAGE_BUFFER, STORAGE_BLOCKS, pass->blocks);
+    for (GLuint i = 0; i < STORAGES; i++)
+        glBindBufferBase(GL_SHADER_STORAGE_BUFFER, i, pass->storages[i]);
     glBindTextureUnit(0, pass->bounds);
+    glUseProgram(pass->reach_program);
+    glDispatchCompute(1, 1, 1);
+    glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT);
     glUseProgram(pass->split_program);
     glDispatchCompute(some, 1, 1);
     glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT);
@@ -360,7 +375,7 @@ void clipmap_pass_draw(const struct clipmap_pass *pass)
     glBindTextureUnit(0, pass->heights);
     glBindTextureUnit(1, pass->surfaces);
     glBindTextureUnit(2, pass->ground);
-    glBindBuffer(GL_DRAW_INDIRECT_BUFFER, pass->draws);
+    glBindBuffer(GL_DRAW_INDIRECT_BUFFER, pass->storages[STORAGE_DRAWS]);
     glPatchParameteri(GL_PATCH_VERTICES, 1);
     for (unsigned i = 0; i < pass->draw_count; i++) {
         size_t at = sizeof(struct draw_list) + i * sizeof(struct draw_command);

@@ -17,13 +17,17 @@
 #include "terrain/imagery.h"
 
 #define BUFFERED_SCENES 4
-#define SHADE_GROUP     8 /* pixels a side of a work group of shade_compute.comp */
+/* Of the promised error, what one level may differ from the next finer one in whose place it is
+ * drawn: several may add up, and what is drawn in full has an error, too. */
+#define LEVEL_SHARE 0.25
+#define SHADE_GROUP 8 /* pixels a side of a work group of shade_compute.comp */
 
 /* Where a frame's time is marked: pass p lies between marks p and p + 1. */
 enum pass { PASS_UPLOAD, PASS_TERRAIN, PASS_SHADE, PASSES, PASS_MARKS = PASSES + 1 };
 
 struct renderer {
     int width, height, samples;
+    double tolerance_px; /* of one level for the next finer one */
     struct clipmap_shape shape;
     struct loader *loader;
     struct clipmap_pass *clipmap;
@@ -160,6 +164,7 @@ int renderer_create(const struct renderer_params *params, const struct gl_facts 
     renderer->width = params->width;
     renderer->height = params->height;
     renderer->samples = params->samples ? params->samples : 1;
+    renderer->tolerance_px = LEVEL_SHARE * (params->pixel_error > 0.0 ? params->pixel_error : 1.0);
     renderer->shape = params->shape;
     renderer->shade_in_compute = !facts->software;
     renderer->debug_groups = facts->debug;
@@ -282,6 +287,14 @@ static bool is_complete(const struct renderer *renderer, const struct geodetic *
     return image_pass_complete(renderer->images, eye, height_above_ground_m(renderer, eye));
 }
 
+/* The least angle that a pixel covers: that of one in a corner. */
+static double least_pixel_rad(const struct view *view, double pixel_rad)
+{
+    double x = fmax(fabs(view->tan_left), fabs(view->tan_right));
+    double y = fmax(fabs(view->tan_bottom), fabs(view->tan_top));
+    return pixel_rad / (1.0 + x * x + y * y);
+}
+
 /* Fills the next scene block with what is loaded, seen by a view. False where nothing is loaded
  * yet.
  */
@@ -292,8 +305,9 @@ static bool fill_scene(struct renderer *renderer, const struct view *view, doubl
     const struct loader_level *levels = clipmap_pass_levels(renderer->clipmap);
     scene_set_view(view, scene);
     if (levels)
-        renderer->select_groups = scene_set_levels(view, &renderer->shape, levels,
-                                                   renderer->ground.nearest_m, pixel_rad, scene);
+        renderer->select_groups =
+            scene_set_levels(view, &renderer->shape, levels, renderer->ground.nearest_m, pixel_rad,
+                             renderer->tolerance_px * least_pixel_rad(view, pixel_rad), scene);
     return levels;
 }
 

@@ -22,6 +22,7 @@ struct renderer_params {
     struct geoid *geoid;             /* likewise; may be NULL */
     struct imagery *imagery;         /* likewise; may be NULL */
     int samples;                     /* of a pixel: 1, or 4 for smooth edges; 0: 1 */
+    double pixel_error; /* by which what is drawn may differ from the terrain, pixels; 0: 1 */
 };
 
 struct renderer_frame {

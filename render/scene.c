@@ -14,7 +14,7 @@
 #define LOWEST_M       -500.0 /* of any land, above the ellipsoid: select.comp */
 #define HIGHEST_M      9000.0
 #define LEAST_RADIUS_M 6.33e6 /* of curvature */
-#define RAMP_END       0.999 /* of a level's reach: wholly blended from there, whatever is rounded */
+#define EVERYWHERE     8.0f   /* longer than any chord */
 
 /* Reversed depth with the far plane at infinity: near -> 1, infinity -> 0. */
 static void set_projection(const struct view *view, struct scene_block *scene)
@@ -193,7 +193,7 @@ static int set_candidates(const struct clipmap_shape *shape, const struct loader
 
 int scene_set_levels(const struct view *view, const struct clipmap_shape *shape,
                      const struct loader_level *levels, double nearest_m, double pixel_rad,
-                     struct scene_block *ret_scene)
+                     double tolerance_rad, struct scene_block *ret_scene)
 {
     struct scene_block *scene = ret_scene;
     double normal[3], ends[CLIPMAP_MAX_LEVELS], step_rad = clipmap_step_rad(shape, 0);
@@ -213,13 +213,11 @@ int scene_set_levels(const struct view *view, const struct clipmap_shape *shape,
         caps[level] = levels[level].cap;
     clipmap_ends(shape, caps, normal, ends);
     for (int level = shape->levels - 1; level >= 0; level--) {
-        double start = (1.0 - CLIPMAP_BLEND) * ends[level];
-        if (level == shape->levels - 1)
-            start = 4.0; /* beyond all chords: there is nothing coarser */
+        double step = clipmap_step_rad(shape, level);
         float *ret = scene->levels[level];
         ret[0] = (float)ends[level];
-        ret[1] = (float)start;
-        ret[2] = (float)(1.0 / fmax(RAMP_END * ends[level] - start, 1e-12));
+        ret[1] = level < shape->levels - 1 ? ret[0] : EVERYWHERE; /* there is nothing coarser */
+        ret[2] = (float)(0.25 * WGS84_A * step * step); /* the sagitta of a cell's diagonal */
         struct clipmap_reach reach = clipmap_reach(shape, level, normal);
         ret[3] = (float)reach.block;
         if (ends[level] > 0.0 && level < shape->levels - 1)
@@ -235,5 +233,6 @@ int scene_set_levels(const struct view *view, const struct clipmap_shape *shape,
     scene->grid[0] = (float)(0.5 * step_rad);
     scene->grid[1] = (float)(fmax(nearest_m, 0.0) / WGS84_A);
     scene->grid[2] = (float)(pixel_rad / (step_rad * WGS84_A));
+    scene->accuracy[0] = (float)(1.0 / (tolerance_rad * WGS84_A));
     return set_candidates(shape, levels, ends, normal, scene);
 }

@@ -20,6 +20,7 @@ struct scene_block {
     float eye_trig[4];
     float grid[4];
     float eye_rest[4];
+    float accuracy[4];
     float way_back[4];
     float sun[4];
     float haze[4];
@@ -37,16 +38,17 @@ struct scene_block {
 
 _Static_assert(sizeof(struct scene_pane) == 112, "std140 stride of Pane");
 _Static_assert(offsetof(struct scene_block, eye_trig) == 128, "std140");
-_Static_assert(offsetof(struct scene_block, enu_from_eye) == 240, "std140");
-_Static_assert(offsetof(struct scene_block, panes) == 320, "std140");
-_Static_assert(offsetof(struct scene_block, levels) == 848, "std140");
+_Static_assert(offsetof(struct scene_block, enu_from_eye) == 256, "std140");
+_Static_assert(offsetof(struct scene_block, panes) == 336, "std140");
+_Static_assert(offsetof(struct scene_block, levels) == 864, "std140");
 
 /* Fills everything but what the next call does. */
 void scene_set_view(const struct view *view, struct scene_block *ret_scene);
 
 /* Where the eye is on the clipmap: `levels` is what is held, `nearest_m` how far the nearest ground
- * is, `pixel_rad` the angle of a pixel at the centre of the view. After scene_set_view. Returns the
- * work groups that choosing the blocks takes (clipmap_pass_select). */
+ * is, `pixel_rad` the angle of a pixel at the centre of the view, `tolerance_rad` the angle by
+ * which a level may be seen to differ from the next finer one in place of which it is drawn. After
+ * scene_set_view. Returns the work groups that choosing the blocks takes (clipmap_pass_select). */
 int scene_set_levels(const struct view *view, const struct clipmap_shape *shape,
                      const struct loader_level *levels, double nearest_m, double pixel_rad,
-                     struct scene_block *ret_scene);
+                     double tolerance_rad, struct scene_block *ret_scene);

@@ -74,7 +74,7 @@ struct scene_under_test {
     struct readback *depth, *colour;
 };
 
-/* `radius` = 0: what suits the screen. Depth can be read back where `samples` is 1. Takes the
+/* `radius` = 0: what suits the screen, and no level in place of a finer one however alike. Depth can be read back where `samples` is 1. Takes the
  * source and the imagery, which may be NULL. */
 static inline bool open_scene_over(struct terrain_source *source, int radius, int samples,
                                    struct imagery *imagery, struct scene_under_test *ret)
@@ -88,6 +88,7 @@ static inline bool open_scene_over(struct terrain_source *source, int radius, in
         .source = source,
         .imagery = imagery,
         .samples = samples,
+        .pixel_error = radius ? 1.0 : 1e-3,
     };
     if (radius)
         params.shape = clipmap_shape(radius, radius / 8, facts.finest_lat_step_deg);

@@ -168,7 +168,7 @@ static void take_stand(const struct eye *eye, int radius, struct stand *ret)
     }
     clipmap_ends(&ret->shape, caps, ret->normal, ret->ends);
     scene_set_view(&ret->view, &ret->scene);
-    scene_set_levels(&ret->view, &ret->shape, ret->levels, eye->above_m, 1e-3, &ret->scene);
+    scene_set_levels(&ret->view, &ret->shape, ret->levels, eye->above_m, 1e-3, 1e-3, &ret->scene);
     ret->finest = clipmap_finest_level(&ret->shape, ret->normal, eye->above_m);
 }
 

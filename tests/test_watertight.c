@@ -13,7 +13,15 @@
 #define TRIANGLES_MAX 900000
 #define WGS84_A       6378137.0
 
-/* A different height at every post, and hills: the worst there can be for shared edges. */
+/* From 0, in places, to 1. */
+static double patches(const double n[3], double per_radian)
+{
+    return fmax(sin(per_radian * n[0]) * sin(per_radian * n[1] + 1.0) + sin(per_radian * n[2]),
+                0.0);
+}
+
+/* A different height at every post, and hills: the worst there can be for shared edges. There are
+ * flat parts of all sizes, too. */
 static double rough_ground(double lat_deg, double lon_deg)
 {
     double n[3];
@@ -22,8 +30,10 @@ static double rough_ground(double lat_deg, double lon_deg)
                  (uint64_t)llround(n[1] * 1e8) * 0xc2b2ae3d27d4eb4fu ^
                  (uint64_t)llround(n[2] * 1e8) * 0x165667b19e3779f9u;
     h = (h ^ h >> 29) * 0xbf58476d1ce4e5b9u;
+    double rough =
+        fmin(1.0, patches(n, 20.0) + patches(n, 500.0)) * fmin(1.0, 2.0 * patches(n, 3e4));
     return 2000.0 + 1500.0 * sin(40.0 * n[0]) * cos(37.0 * n[1] + 50.0 * n[2]) +
-           40.0 * ((double)(h >> 11) * 0x1p-53 - 0.5);
+           40.0 * rough * ((double)(h >> 11) * 0x1p-53 - 0.5);
 }
 
 /* The terrain pass without a renderer around it, with its shaders in a program that captures. */
@@ -132,14 +142,15 @@ static void load(struct mesh *mesh, const struct geodetic *eye, int finest)
 
 /* Draws as the pass does, then once more from what it has left bound: the list of blocks, the
  * heights, the draws' commands (16 bytes, then 16 a draw). */
-static void capture(struct mesh *mesh, const struct view *view, double above_m)
+static void capture(struct mesh *mesh, const struct view *view, double above_m,
+                    double tolerance_rad)
 {
     struct scene_block scene = {0};
     GLint bytes = 0;
     GLuint written = 0;
     scene_set_view(view, &scene);
     int groups = scene_set_levels(view, &mesh->shape, clipmap_pass_levels(mesh->pass), above_m,
-                                  1e-3, &scene);
+                                  1e-3, tolerance_rad, &scene);
     glNamedBufferSubData(mesh->scene, 0, sizeof(scene), &scene);
     glBindBufferBase(GL_UNIFORM_BUFFER, 0, mesh->scene);
     glBindFramebuffer(GL_FRAMEBUFFER, mesh->framebuffer);
@@ -243,13 +254,34 @@ static const double places[][2] = {
     {-CORNER_LAT_DEG - 1e-4, EDGE_LON_DEG - 90.0},
 };
 
+static const double tolerances_rad[] = {1e-9, 1e-4, 1e-3, 0.01, 0.1};
+
+#define TOLERANCES (int)(sizeof(tolerances_rad) / sizeof(tolerances_rad[0]))
+
+/* What is open at one place with any tolerance, and how many triangles there are. */
+static int check_view(struct mesh *mesh, const struct view *view, double above_m,
+                      int triangles[TOLERANCES])
+{
+    int open = 0;
+    for (int i = 0; i < TOLERANCES; i++) {
+        capture(mesh, view, above_m, tolerances_rad[i]);
+        int found = count_open(mesh, view);
+        if (found)
+            fprintf(stderr, "%d at %g %g, %g m, tolerance %g\n", found, view->eye.lat_deg,
+                    view->eye.lon_deg, above_m, tolerances_rad[i]);
+        open += found;
+        triangles[i] += mesh->triangles;
+    }
+    return open;
+}
+
 static void check_places(int radius, size_t stride, int stride_above)
 {
     static const double above_m[] = {10.0, 300.0, 8000.0, 150e3};
     struct mesh mesh;
     if (!open_mesh(radius, &mesh))
         return;
-    int triangles = 0, open = 0, frames = 0;
+    int triangles[TOLERANCES] = {0}, open = 0, frames = 0;
     for (size_t p = 0; p < sizeof(places) / sizeof(places[0]); p += stride) {
         for (int h = 0; h < 4; h += stride_above) {
             double turn = 77.0 * (double)p + 50.0 * h;
@@ -258,19 +290,19 @@ static void check_places(int radius, size_t stride, int stride_above)
             double normal[3];
             cube_normal_from_geodetic(places[p][0], places[p][1], normal);
             load(&mesh, &view.eye, clipmap_finest_level(&mesh.shape, normal, above_m[h]));
-            capture(&mesh, &view, above_m[h]);
-            int found = count_open(&mesh, &view);
-            if (found)
-                fprintf(stderr, "%d at %g %g, %g m\n", found, places[p][0], places[p][1],
-                        above_m[h]);
-            open += found;
-            triangles += mesh.triangles;
+            open += check_view(&mesh, &view, above_m[h], triangles);
             frames++;
         }
     }
-    printf("     radius %d: %d triangles in %d frames\n", radius, triangles, frames);
+    printf("     radius %d:", radius);
+    for (int i = 0; i < TOLERANCES; i++)
+        printf(" %d triangles (tolerance %g)%s", triangles[i], tolerances_rad[i],
+               i < TOLERANCES - 1 ? "," : "\n");
     CHECK_INT(open, 0);
-    CHECK(triangles > frames * radius * radius);
+    CHECK(triangles[0] > frames * radius * radius);
+    for (int i = 1; i < TOLERANCES; i++)
+        CHECK(triangles[i] < triangles[i - 1]);
+    CHECK(4 * triangles[TOLERANCES - 1] < 3 * triangles[0]);
     close_mesh(&mesh);
 }
 

@@ -1,8 +1,9 @@
-// Finds the least and greatest height of the blocks that an update has changed.
+// Finds the least and greatest height of the blocks that an update has changed, and by how much the
+// coarser level's surface differs most.
 layout(local_size_x = 64) in;
 
 layout(binding = 0) uniform sampler2DArray heights;
-layout(binding = 0, rg32f) writeonly uniform image2DArray bounds;
+layout(binding = 0, rgba32f) writeonly uniform image2DArray bounds;
 
 struct Rect {
     ivec4 part;  // first column and row, columns, blocks in all
@@ -29,11 +30,13 @@ void main()
     ivec2 block = part.xy + ivec2(i % part.z, i / part.z);
     int mask = textureSize(heights, 0).x - 1;
     vec2 range_m = vec2(1e30, -1e30);
+    float error_m = 0.0;
     for (int row = 0; row <= BLOCK; row++)
         for (int col = 0; col <= BLOCK; col++) {
             ivec2 post = (block * BLOCK + ivec2(col, row)) & mask;
             vec2 pair = texelFetch(heights, ivec3(post, place.x), 0).rg;
             range_m = vec2(min(range_m.x, min(pair.x, pair.y)), max(range_m.y, max(pair.x, pair.y)));
+            error_m = max(error_m, abs(pair.x - pair.y));
         }
-    imageStore(bounds, ivec3(block & (imageSize(bounds).x - 1), place.x), vec4(range_m, 0.0, 0.0));
+    imageStore(bounds, ivec3(block & (imageSize(bounds).x - 1), place.x), vec4(range_m, error_m, 0.0));
 }

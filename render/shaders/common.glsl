@@ -21,6 +21,7 @@ layout(std140, binding = 0) uniform Scene {
     vec4 eye_rest;        // x: what the height lacks, for it is one float; y: 1 / where level 0 ends for
                           // shading; z: 1 / the share of a level that is blended; w: the eye's place
                           // along the poles' axis, m
+    vec4 accuracy;        // x: the distance (chord) from which an error of 1 m is within the tolerance
     vec4 way_back;        // for difference_from_enu: x: N0 + h0; y: 0.5 / x; z: N0 e2 / q^2; w: 1 / q, with
                           // q = (1 - e2) N0 + h0
     vec4 sun;             // enu direction; w: 1 above, 0 below the horizon (smooth)
@@ -33,9 +34,10 @@ layout(std140, binding = 0) uniform Scene {
     Pane panes[PANES];
     ivec4 edges[4 * PANES]; // across the sides west, east, south, north of a pane: the neighbour's pane
                             // (-1: not near), side, 1 where it runs backwards, its face
-    vec4 levels[MAX_LEVELS]; // chords (terrain/clipmap.h): where the level ends, 0: it is not there;
-                             // where its blending starts; 1 / from there to the end; no point of a
-                             // block is farther from its middle
+    vec4 levels[MAX_LEVELS]; // chords (terrain/clipmap.h): x: where the level ends, 0: it is not there;
+                             // y: by where it is wholly blended into the next; w: no point of a block
+                             // is farther from its middle. z: what its triangles miss of the Earth's
+                             // curvature, m
     ivec4 candidates[PANES * MAX_LEVELS]; // blocks that may be drawn or split: first column, first row,
                                           // columns, rows
     ivec4 groups[MAX_LEVELS]; // select.comp's work groups: the first of each pane's candidates; the end
@@ -163,8 +165,9 @@ float distance_of(vec3 dn)
     return sqrt(dot(dn, dn) + scene.grid.y * scene.grid.y);
 }
 
-// How far a level is blended into the coarser one.
-float blend_at(vec3 dn, vec4 level)
+// How far a level is blended into the coarser one, where it reaches so far: from 3/4 of that on, and
+// wholly a little before the end, whatever is rounded.
+float blend_at(vec3 dn, float reach)
 {
-    return clamp((distance_of(dn) - level.y) * level.z, 0.0, 1.0);
+    return clamp((distance_of(dn) / reach - 0.75) * (1.0 / 0.249), 0.0, 1.0);
 }

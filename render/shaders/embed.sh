@@ -11,6 +11,7 @@ shared_of()
     folder=$(dirname "$1")
     case ${1##*/} in
     shade*) cat "$folder/common.glsl" "$folder/images.glsl" "$folder/shade.glsl" ;;
+    reach.* | select.*) cat "$folder/common.glsl" "$folder/blocks.glsl" ;;
     *) cat "$folder/common.glsl" ;;
     esac
 }

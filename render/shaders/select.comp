@@ -1,8 +1,6 @@
 // Chooses the blocks of a frame among the candidates of each level. With SPLIT it says of every block
 // whether it is split into four of the next finer level; without, it lists those that are not split,
 // whose parents are, and that can be seen.
-//
-// A pane's blocks lie in a toroidal table of TABLE x TABLE, as its posts do in their storage.
 layout(local_size_x = 64) in;
 
 struct Draw {
@@ -15,14 +13,12 @@ layout(std430, binding = 1) buffer Draws {
     uint unused[3];
     Draw draws[];
 };
-layout(std430, binding = 2) writeonly buffer Blocks { ivec4 blocks[]; };
+struct Block { // as terrain.vert reads it
+    ivec4 place;
+    vec4 reaches;
+};
+layout(std430, binding = 2) writeonly buffer Blocks { Block blocks[]; };
 layout(binding = 0) uniform sampler2DArray bounds; // least and greatest height
-
-int entry_of(ivec2 block, int level, int pane)
-{
-    ivec2 at = block & (TABLE - 1);
-    return ((PANES * level + pane) * TABLE + at.y) * TABLE + at.x;
-}
 
 vec3 middle_of(ivec2 block, int level, int pane)
 {
@@ -31,18 +27,21 @@ vec3 middle_of(ivec2 block, int level, int pane)
 
 #if SPLIT
 
-// Whether a block is near enough to be split; then the finer level has all of it.
-bool is_split(vec3 middle, int level)
+// Whether a block is near enough to be split; then the finer level has all of it and of those beside.
+bool is_split(ivec2 block, int level, int pane)
 {
-    float end = level > 0 ? scene.levels[level - 1].x : 0.0;
-    float across = max(length(middle) - scene.levels[level].w, 0.0);
+    if (level == 0)
+        return false;
+    vec4 reaches = corner_reaches_of(block, level, pane);
+    float reach = max(max(reaches.x, reaches.y), max(reaches.z, reaches.w));
+    float end = min(reach, scene.levels[level - 1].x);
+    float across = max(length(middle_of(block, level, pane)) - scene.levels[level].w, 0.0);
     return across * across + scene.grid.y * scene.grid.y < end * end;
 }
 
 void choose(ivec2 block, int level, int pane)
 {
-    splits[entry_of(block, level, pane)] =
-        is_split(middle_of(block, level, pane), level) ? 1u : 0u;
+    splits[entry_of(block, level, pane)] = is_split(block, level, pane) ? 1u : 0u;
 }
 
 #else
@@ -133,7 +132,9 @@ void choose(ivec2 block, int level, int pane)
     if (index >= uint(DRAWS * BLOCKS_A_DRAW))
         return;
     atomicAdd(draws[index / uint(BLOCKS_A_DRAW)].vertices, 1u);
-    blocks[index] = ivec4(block * BLOCK, level + 32 * pane, doubled);
+    vec4 reaches = level < scene.sizes.w ? corner_reaches_of(block >> 1, level + 1, pane)
+                                         : vec4(EVERYWHERE);
+    blocks[index] = Block(ivec4(block * BLOCK, level + 32 * pane, doubled), reaches);
 }
 
 #endif

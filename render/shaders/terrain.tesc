@@ -2,13 +2,16 @@
 layout(vertices = 1) out;
 
 in ivec4 block_out[];
+in vec4 reaches_out[];
 
 patch out ivec4 patch_block;
+patch out vec4 patch_reaches;
 
 void main()
 {
     int doubled = block_out[0].w;
     patch_block = block_out[0];
+    patch_reaches = reaches_out[0];
     gl_out[gl_InvocationID].gl_Position = vec4(0.0);
     gl_TessLevelInner[0] = gl_TessLevelInner[1] = 2.0;
     gl_TessLevelOuter[0] = float(2 << (doubled & 1));

@@ -7,6 +7,7 @@
 layout(quads, equal_spacing, ccw) in;
 
 patch in ivec4 patch_block;
+patch in vec4 patch_reaches;
 
 layout(binding = 0) uniform sampler2DArray heights; // own and coarser, m above the ellipsoid
 
@@ -32,6 +33,21 @@ Name lowest_name(Name own, int end)
     return lowest;
 }
 
+float between(float a, float b, float t) // exactly a or b at the ends
+{
+    return a * (1.0 - t) + b * t;
+}
+
+// How far the level reaches here. On an edge it follows from its two ends alone.
+float reach_at(ivec2 halves, int level)
+{
+    const int side = 4 * BLOCK; // half-posts of the parent
+    vec2 at = vec2(halves - (2 * patch_block.xy & ~(side - 1))) / float(side);
+    float reach = between(between(patch_reaches.x, patch_reaches.y, at.x),
+                          between(patch_reaches.z, patch_reaches.w, at.x), at.y);
+    return min(reach, scene.levels[level].y);
+}
+
 vec2 heights_at(int layer, ivec2 post)
 {
     return texelFetch(heights, ivec3(post & (scene.sizes.x - 1), layer), 0).rg;
@@ -40,15 +56,15 @@ vec2 heights_at(int layer, ivec2 post)
 void main()
 {
     int level = patch_block.z & 31;
-    Name name = Name(patch_block.z >> 5, 2 * patch_block.xy +
-                                             ivec2(gl_TessCoord.xy * 4.0 + 0.5));
+    ivec2 halves = 2 * patch_block.xy + ivec2(gl_TessCoord.xy * 4.0 + 0.5);
+    Name name = Name(patch_block.z >> 5, halves);
     int end = scene.sizes.y >> level;
     if (any(lessThanEqual(name.halves, ivec2(0))) || any(greaterThanEqual(name.halves, ivec2(end))))
         name = lowest_name(name, end);
     int layer = PANES * level + name.pane;
     vec3 dn = normal_difference(name.pane, name.halves, level);
     vec2 pair = heights_at(layer, name.halves >> 1);
-    float blend = blend_at(dn, scene.levels[level]);
+    float blend = blend_at(dn, reach_at(halves, level));
     if (((name.halves.x | name.halves.y) & 1) != 0) {
         // On an edge towards the finer level, whose vertices show this level's heights there.
         pair.x = 0.5 * (pair.x + heights_at(layer, (name.halves + 1) >> 1).x);
