@@ -13,7 +13,6 @@
 #include "terrain/undulation.h"
 
 #define REFRESH_PARTS (LOADER_MAX_STRIPS / 2) /* each may need a strip of the finer level, too */
-#define PATIENCE      100 /* times that a call waits; a cache may be too small for it */
 #define CHUNK_POSTS   (LATE_SIDE * LATE_SIDE) /* half-posts that a worker takes at a time */
 #define AHEAD_STRIDE  32  /* half-posts between those that are asked for ahead */
 #define MOVE_POSTS    2.0 /* that an eye goes before a level follows */
@@ -73,46 +72,6 @@ void window_filler_finish(struct window_filler *filler)
     late_parts_finish(&filler->late);
 }
 
-/* True where there are heights; *late is set where the source will have better ones. */
-static bool sample_source(const struct window_filler *filler, struct terrain_source *source,
-                          const struct terrain_places *places, float *ret_m, bool *late)
-{
-    int r = source ? source->ops->sample(source, places, ret_m) : -ENOENT;
-    for (int i = 0; r == TERRAIN_LATE && filler->patient && i < PATIENCE; i++) {
-        if (filler->stopping && atomic_load(filler->stopping))
-            break;
-        source->ops->settle(source);
-        r = source->ops->sample(source, places, ret_m);
-    }
-    *late |= r == TERRAIN_LATE;
-    return r >= 0;
-}
-
-static bool any_void_or_low(const float *altitude_m, int count)
-{
-    for (int i = 0; i < count; i++)
-        if (ground_asks_fallback(altitude_m[i]))
-            return true;
-    return false;
-}
-
-/* Puts the fallback's height (or 0) where the source has none, and finds the water. */
-static void settle_ground(const struct window_filler *filler, const struct terrain_places *places,
-                          struct filler_scratch *scratch, bool *late)
-{
-    bool have = any_void_or_low(scratch->altitude_m, places->count) &&
-                sample_source(filler, filler->fallback, places, scratch->fallback_m, late);
-    for (int i = 0; i < places->count; i++) {
-        float altitude_m = scratch->altitude_m[i];
-        if (isnan(altitude_m))
-            altitude_m = have ? scratch->fallback_m[i] : 0.0f;
-        if (isnan(altitude_m))
-            altitude_m = 0.0f;
-        scratch->water[i] = ground_is_water(altitude_m, have ? scratch->fallback_m[i] : NAN);
-        scratch->altitude_m[i] = altitude_m;
-    }
-}
-
 static double degrees_from(double rad)
 {
     return rad * (180.0 / M_PI);
@@ -136,11 +95,10 @@ static void sample_chunk(const struct window_filler *filler, struct filler_scrat
                          struct filler_part *part)
 {
     struct terrain_places places = places_of(store, rect, scratch->lat_deg, scratch->lon_deg);
-    bool late = false;
-    if (!sample_source(filler, filler->source, &places, scratch->altitude_m, &late))
-        for (int i = 0; i < places.count; i++)
-            scratch->altitude_m[i] = NAN;
-    settle_ground(filler, &places, scratch, &late);
+    const struct ground_sources sources = {filler->source, filler->fallback, filler->patient,
+                                           filler->stopping};
+    bool late =
+        ground_sample(&sources, &places, scratch->fallback_m, scratch->altitude_m, scratch->water);
     undulation_of_half_posts(filler->geoid, store, rect, places.lat_deg, places.lon_deg,
                              scratch->undulation_m);
     if (level_store_put(store, rect, scratch->altitude_m, scratch->undulation_m, scratch->water))
