@@ -27,3 +27,7 @@ bool readback_start(struct readback *readback, unsigned framebuffer, uint64_t fr
  * NULL where none is under way or, unless `wait`, none is complete. */
 const void *readback_take(struct readback *readback, bool wait, uint64_t *ret_frame);
 void readback_release(struct readback *readback);
+
+/* Copies the pixels at once, waiting for them: for measurements. No copy may be under way. -EIO
+ * where the GPU is lost. */
+int readback_copy(struct readback *readback, unsigned framebuffer, void *ret_pixels);

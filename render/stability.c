@@ -114,18 +114,6 @@ void stability_destroy(struct stability *stability)
     free(stability);
 }
 
-static int read_depth(struct readback *readback, unsigned framebuffer, size_t pixels, float *ret)
-{
-    uint64_t frame;
-    readback_start(readback, framebuffer, 0);
-    const float *depth = readback_take(readback, true, &frame);
-    if (!depth)
-        return -EIO;
-    memcpy(ret, depth, pixels * sizeof(*ret));
-    readback_release(readback);
-    return 0;
-}
-
 static struct motion motion_between(const struct geodetic *from, const struct geodetic *to)
 {
     struct motion motion;
@@ -159,25 +147,7 @@ static int draw_map(struct stability *stability, struct renderer *renderer, cons
             (float)(scale[row] * motion->offset_m[row] + (row == 2 ? 0.5 : 0.0));
     }
     renderer_redraw(renderer, view, clip_from_enu, stability->framebuffer, MAP_SIDE, MAP_SIDE);
-    return read_depth(stability->maps, stability->framebuffer, (size_t)MAP_SIDE * MAP_SIDE,
-                      ret_depth);
-}
-
-/* Where a place is on the screen, and how far along the view; false where it is behind the eye. */
-static bool project(const struct stability *stability, const struct view *view,
-                    const double enu_m[3], double ret_px[2], double *ret_along_m)
-{
-    double eye_m[3];
-    frames_rotate_back(view->enu_from_eye, enu_m, eye_m);
-    double along_m = -eye_m[2];
-    if (along_m < view->near_m)
-        return false;
-    ret_px[0] = (eye_m[0] / along_m - view->tan_left) / (view->tan_right - view->tan_left) *
-                stability->width;
-    ret_px[1] = (eye_m[1] / along_m - view->tan_bottom) / (view->tan_top - view->tan_bottom) *
-                stability->height;
-    *ret_along_m = along_m;
-    return true;
+    return readback_copy(stability->maps, stability->framebuffer, ret_depth);
 }
 
 /* Whether a pixel or one of its neighbours shows nothing nearer than a place that is at it. */
@@ -194,6 +164,13 @@ static bool is_seen(const struct stability *stability, const struct look *look, 
     return along_m * (double)farthest <= HIDDEN_AFTER * look->view.near_m;
 }
 
+static bool project(const struct stability *stability, const struct look *look,
+                    const double enu_m[3], double ret_px[2], double *ret_along_m)
+{
+    return view_project(&look->view, stability->width, stability->height, enu_m, ret_px,
+                        ret_along_m);
+}
+
 /* How far a place moves in the second frame because its height is another there; negative where it
  * is not seen in both. `motion`: from the first eye's frame into the second's. */
 static double moved_px(const struct stability *stability, const struct motion *motion,
@@ -203,11 +180,10 @@ static double moved_px(const struct stability *stability, const struct motion *m
     double from_m[3], to_m[3], px[2], from_px[2], to_px[2], along_m;
     move(motion, before_m, from_m);
     move(motion, now_m, to_m);
-    if (!project(stability, &before->view, before_m, px, &along_m) ||
+    if (!project(stability, before, before_m, px, &along_m) ||
         !is_seen(stability, before, px, along_m) ||
-        !project(stability, &now->view, from_m, from_px, &along_m) ||
-        !project(stability, &now->view, to_m, to_px, &along_m) ||
-        !is_seen(stability, now, to_px, along_m))
+        !project(stability, now, from_m, from_px, &along_m) ||
+        !project(stability, now, to_m, to_px, &along_m) || !is_seen(stability, now, to_px, along_m))
         return -1.0;
     return hypot(to_px[0] - from_px[0], to_px[1] - from_px[1]);
 }
@@ -277,13 +253,10 @@ static double find_places(struct stability *stability)
     for (int row = 0; row + step <= stability->height; row += step)
         for (int col = 0; col + step <= stability->width; col += step, place_m++) {
             double depth = (double)stability->before.depth[row * stability->width + col];
-            double along_m = depth > 0.0 ? view->near_m / depth : NAN;
-            double x = view->tan_left +
-                       (view->tan_right - view->tan_left) * (col + 0.5) / stability->width;
-            double y = view->tan_bottom +
-                       (view->tan_top - view->tan_bottom) * (row + 0.5) / stability->height;
-            const double eye_m[3] = {x * along_m, y * along_m, -along_m};
-            frames_rotate(view->enu_from_eye, eye_m, *place_m);
+            const double px[2] = {col + 0.5, row + 0.5};
+            (*place_m)[0] = NAN;
+            if (depth > 0.0)
+                view_unproject(view, stability->width, stability->height, px, depth, *place_m);
             farthest_m = fmax(farthest_m, hypot((*place_m)[0], (*place_m)[1]));
         }
     return farthest_m;
@@ -314,8 +287,8 @@ int stability_look(struct stability *stability, struct renderer *renderer, const
                    double height_above_ground_m, struct stability_tally *tally)
 {
     stability->now.view = *view;
-    int r = read_depth(stability->depths, renderer_depth_framebuffer(renderer),
-                       (size_t)stability->width * (size_t)stability->height, stability->now.depth);
+    int r = readback_copy(stability->depths, renderer_depth_framebuffer(renderer),
+                          stability->now.depth);
     if (r == 0 && tally)
         r = compare(stability, renderer, tally);
     if (r == 0)

@@ -49,3 +49,28 @@ void view_from_pose(const struct pose *pose, const struct channel_geometry *geom
     view.tan_top = tan(geometry->top_deg * M_PI / 180.0);
     *ret_view = view;
 }
+
+bool view_project(const struct view *view, int width, int height, const double enu_m[3],
+                  double ret_px[2], double *ret_along_m)
+{
+    double eye_m[3];
+    frames_rotate_back(view->enu_from_eye, enu_m, eye_m);
+    double along_m = -eye_m[2];
+    if (along_m < view->near_m)
+        return false;
+    ret_px[0] = (eye_m[0] / along_m - view->tan_left) / (view->tan_right - view->tan_left) * width;
+    ret_px[1] =
+        (eye_m[1] / along_m - view->tan_bottom) / (view->tan_top - view->tan_bottom) * height;
+    *ret_along_m = along_m;
+    return true;
+}
+
+void view_unproject(const struct view *view, int width, int height, const double px[2],
+                    double depth, double ret_enu_m[3])
+{
+    double along_m = view->near_m / depth;
+    double x = view->tan_left + (view->tan_right - view->tan_left) * px[0] / width;
+    double y = view->tan_bottom + (view->tan_top - view->tan_bottom) * px[1] / height;
+    const double eye_m[3] = {x * along_m, y * along_m, -along_m};
+    frames_rotate(view->enu_from_eye, eye_m, ret_enu_m);
+}

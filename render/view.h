@@ -1,6 +1,8 @@
 /* From where, in which direction and through what air a frame is seen. */
 #pragma once
 
+#include <stdbool.h>
+
 #include "geo/pose.h"
 
 struct view {
@@ -25,3 +27,12 @@ struct channel_geometry {
  * are left to the caller. */
 void view_from_pose(const struct pose *pose, const struct channel_geometry *geometry,
                     struct view *ret_view);
+
+/* Where a place (ENU at the eye) is on a picture of that size, in pixels from the lower left
+ * corner, and how far along the view; false where it is before the near plane. */
+bool view_project(const struct view *view, int width, int height, const double enu_m[3],
+                  double ret_px[2], double *ret_along_m);
+
+/* The place that is seen there, `depth` (near over distance along the view) being above 0. */
+void view_unproject(const struct view *view, int width, int height, const double px[2],
+                    double depth, double ret_enu_m[3]);
