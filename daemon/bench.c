@@ -3,6 +3,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "daemon/bench_quality.h"
 #include "daemon/bench_stability.h"
 #include "daemon/cli.h"
 #include "daemon/commands.h"
@@ -13,6 +14,7 @@ static void print_subjects(FILE *out)
     fputs("Usage: otwd bench SUBJECT [ARGUMENT...]\n\n"
           "Techniques side by side.\n\n"
           "  codec RASTER...  the height codec beside LERC, zstd and PNG\n"
+          "  quality FLIGHT   how far the picture is from the ground at full detail\n"
           "  stability        what moves on the screen that the camera does not explain\n"
           "\n`otwd bench SUBJECT --help` says more.\n",
           out);
@@ -33,6 +35,8 @@ int bench_main(int argc, char **argv)
         argv[1] = (char *)"--bench-codec";
         return import_exec(argv);
     }
+    if (strcmp(subject, "quality") == 0)
+        return bench_quality_main(argc - 1, argv + 1);
     if (strcmp(subject, "stability") == 0)
         return bench_stability_main(argc - 1, argv + 1);
     if (*subject)

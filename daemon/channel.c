@@ -34,10 +34,14 @@ static int create_renderer(struct channel *channel, const struct channel_params 
         database_source_share_dig(terrain.source, params->dig);
     struct terrain_facts facts;
     terrain.source->ops->facts(terrain.source, &facts);
+    struct clipmap_shape shape =
+        renderer_shape(&facts, params->height, params->pixel_error, channel->gl.software);
+    if (params->radius)
+        shape = clipmap_shape(params->radius, params->radius / 8, facts.finest_lat_step_deg);
     struct renderer_params renderer = {
         .width = params->width,
         .height = params->height,
-        .shape = renderer_shape(&facts, params->height, params->pixel_error, channel->gl.software),
+        .shape = shape,
         .source = terrain.source,
         .fallback = terrain.fallback,
         .geoid = terrain.geoid,

@@ -16,6 +16,7 @@ struct channel_params {
     const char *geoid;        /* "egm96", "none", or a PGM file of GeographicLib's form */
     const char *technique;    /* "clipmap" */
     double pixel_error;
+    int radius;         /* of the clipmap (terrain/clipmap.h); 0: what suits size and pixel_error */
     int samples;        /* as renderer_params has it */
     unsigned cache_mib; /* of decoded tiles of the database */
     struct dig *dig; /* what another thread digs in it, shown at once; NULL = what is in the file */
