@@ -9,9 +9,7 @@
 
 #define REPORT_PICTURES 6
 
-/* Ten in the morning of 21 June by the sun at the flight's start: long shadows, both hemispheres
- * lit. Fixed, so that a replay gives the same pictures on any day. */
-static nsec_t default_utc_ns(const struct flight *flight)
+nsec_t replay_utc_ns(const struct flight *flight)
 {
     nsec_t midnight_ns = 0;
     clock_parse_utc("2026-06-21T00:00:00Z", &midnight_ns);
@@ -145,7 +143,7 @@ int replay_fly(const struct flight *flight, const struct replay_params *params,
     }
     static struct gl_facts gl; /* outlives the channel, for the report */
     gl = *channel_gl(channel);
-    fly_frames(flight, params, params->utc_ns ? params->utc_ns : default_utc_ns(flight), channel,
+    fly_frames(flight, params, params->utc_ns ? params->utc_ns : replay_utc_ns(flight), channel,
                output, ret_report);
     *ret_facts = (struct report_facts){.width = files.width,
                                        .height = files.height,

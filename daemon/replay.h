@@ -22,6 +22,10 @@ struct replay_params {
 int replay_fly(const struct flight *flight, const struct replay_params *params,
                struct report *ret_report, struct report_facts *ret_facts, struct diag *diag);
 
+/* Ten in the morning of 21 June by the sun at the flight's start: long shadows, both hemispheres
+ * lit. Fixed, so that a replay gives the same pictures on any day. */
+nsec_t replay_utc_ns(const struct flight *flight);
+
 /* The summary of a run, for people. */
 void replay_print_summary(const struct report *report, const struct report_facts *facts);
 

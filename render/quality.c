@@ -11,15 +11,34 @@
 
 struct quality {
     struct quality_params params;
-    struct readback *depths;
-    float *depth; /* [height][width], rows from the bottom */
-    uint64_t random;
-    /* Of the pixels that show ground: where they are; what they show, and what they would if depth
-     * were one unit in the last place more; the ground there. */
+    size_t picture; /* pixels */
+    struct readback *depths, *colours;
+    float *depth;                           /* [picture], rows from the bottom */
+    uint8_t *ours, *reference, *difference; /* [4 picture], likewise */
+    uint32_t *asked;                        /* [pixels] of a frame */
+    /* Of those that show ground: where they are; what they show, and what they would if depth were
+     * one unit in the last place more; the ground there. */
     double (*px)[2];
     struct geodetic (*places)[2];
     double (*ground_m)[2];
+    uint64_t random;
 };
+
+static int allocate(struct quality *quality, struct diag *diag)
+{
+    size_t pixels = quality->params.pixels;
+    quality->depth = calloc(quality->picture, sizeof(*quality->depth));
+    quality->ours = calloc(quality->picture, 4);
+    quality->reference = calloc(quality->picture, 4);
+    quality->difference = calloc(quality->picture, 4);
+    quality->asked = calloc(pixels, sizeof(*quality->asked));
+    quality->px = calloc(pixels, sizeof(*quality->px));
+    quality->places = calloc(pixels, sizeof(*quality->places));
+    quality->ground_m = calloc(pixels, sizeof(*quality->ground_m));
+    bool have = quality->depth && quality->ours && quality->reference && quality->difference &&
+                quality->asked && quality->px && quality->places && quality->ground_m;
+    return have ? 0 : diag_set(diag, -ENOMEM, "no memory for the measure of quality");
+}
 
 int quality_create(const struct quality_params *params, struct quality **ret_quality,
                    struct diag *diag)
@@ -27,15 +46,15 @@ int quality_create(const struct quality_params *params, struct quality **ret_qua
     struct quality *quality = calloc(1, sizeof(*quality));
     if (!quality)
         return diag_set(diag, -ENOMEM, "no memory for the measure of quality");
-    *quality = (struct quality){.params = *params, .random = SEED};
-    quality->depth = calloc((size_t)params->width * (size_t)params->height, sizeof(float));
-    quality->px = calloc(params->pixels, sizeof(*quality->px));
-    quality->places = calloc(params->pixels, sizeof(*quality->places));
-    quality->ground_m = calloc(params->pixels, sizeof(*quality->ground_m));
-    bool have = quality->depth && quality->px && quality->places && quality->ground_m;
-    int r = have ? 0 : diag_set(diag, -ENOMEM, "no memory for the measure of quality");
+    *quality = (struct quality){.params = *params,
+                                .picture = (size_t)params->width * (size_t)params->height,
+                                .random = SEED};
+    int r = allocate(quality, diag);
     if (r == 0)
         r = readback_create(params->width, params->height, READBACK_DEPTH, &quality->depths, diag);
+    if (r == 0)
+        r = readback_create(params->width, params->height, READBACK_COLOUR, &quality->colours,
+                            diag);
     if (r < 0) {
         quality_destroy(quality);
         return r;
@@ -49,14 +68,19 @@ void quality_destroy(struct quality *quality)
     if (!quality)
         return;
     readback_destroy(quality->depths);
+    readback_destroy(quality->colours);
     free(quality->depth);
+    free(quality->ours);
+    free(quality->reference);
+    free(quality->difference);
+    free(quality->asked);
     free(quality->px);
     free(quality->places);
     free(quality->ground_m);
     free(quality);
 }
 
-/* Marsaglia's xorshift64* (2003; Vigna 2016): evenly below `end`. */
+/* Marsaglia's xorshift (2003), multiplied (Vigna 2016): evenly below `end`. */
 static uint32_t random_below(struct quality *quality, uint32_t end)
 {
     uint64_t x = quality->random;
@@ -67,19 +91,19 @@ static uint32_t random_below(struct quality *quality, uint32_t end)
     return (uint32_t)(((x * UINT64_C(0x2545f4914f6cdd1d) >> 32) * end) >> 32);
 }
 
-/* Chooses the pixels. Returns how many of them show ground. */
-static size_t find_shown(struct quality *quality, const struct view *view)
+/* What the pixels show that are asked. Returns how many of them show ground. */
+static size_t find_places(struct quality *quality, const struct view *view)
 {
     int width = quality->params.width, height = quality->params.height;
     size_t count = 0;
     for (unsigned i = 0; i < quality->params.pixels; i++) {
-        uint32_t pixel = random_below(quality, (uint32_t)(width * height));
+        int pixel = (int)quality->asked[i];
         float depth = quality->depth[pixel];
         if (depth <= 0.0f)
             continue;
         double *px = quality->px[count];
-        px[0] = (int)pixel % width + 0.5;
-        px[1] = (int)pixel / width + 0.5;
+        px[0] = pixel % width + 0.5;
+        px[1] = pixel / width + 0.5;
         for (int k = 0; k < 2; k++, depth = nextafterf(depth, 1.0f)) {
             double enu_m[3];
             view_unproject(view, width, height, px, (double)depth, enu_m);
@@ -90,37 +114,85 @@ static size_t find_shown(struct quality *quality, const struct view *view)
     return count;
 }
 
-/* How far a height is from the ground's on the screen: positive above it. Ground that is behind the
+/* How far a place is from the ground on the screen, positive above it. Ground that is behind the
  * eye or nearly so is a picture's diagonal away. */
-static double error_px(const struct quality *quality, const struct view *view, size_t pixel,
-                       int which)
+static double error_px(const struct quality *quality, const struct view *view, size_t at, int which)
 {
-    const struct geodetic *place = &quality->places[pixel][which];
-    double ground_m = quality->ground_m[pixel][which];
+    const struct geodetic *place = &quality->places[at][which];
+    double ground_m = quality->ground_m[at][which];
     const struct geodetic ground = {place->lat_deg, place->lon_deg, ground_m};
     double enu_m[3], px[2], along_m, error;
     enu_from_geodetic(&view->eye, &ground, enu_m);
     if (view_project(view, quality->params.width, quality->params.height, enu_m, px, &along_m))
-        error = hypot(px[0] - quality->px[pixel][0], px[1] - quality->px[pixel][1]);
+        error = hypot(px[0] - quality->px[at][0], px[1] - quality->px[at][1]);
     else
         error = hypot(quality->params.width, quality->params.height);
     return copysign(error, place->height_m - ground_m);
 }
 
-int quality_look(struct quality *quality, struct renderer *renderer, const struct view *view,
-                 struct quality_tally *tally)
+/* Judges the depth that is drawn. `depth_px` may be NULL. */
+static int judge(struct quality *quality, struct renderer *renderer, const struct view *view,
+                 struct samples *ret_px, struct samples *depth_px)
 {
     int r = readback_copy(quality->depths, renderer_depth_framebuffer(renderer), quality->depth);
     if (r < 0)
         return r;
-    size_t count = find_shown(quality, view);
+    size_t count = find_places(quality, view);
     reference_heights(quality->params.reference, quality->places[0], 2 * count,
                       quality->ground_m[0]);
     for (size_t i = 0; i < count; i++) {
         double error = error_px(quality, view, i, 0), next = error_px(quality, view, i, 1);
-        samples_add(&tally->error_px, fabs(error));
-        samples_add(&tally->depth_px, 0.5 * fabs(next - error));
+        samples_add(ret_px, fabs(error));
+        if (depth_px)
+            samples_add(depth_px, 0.5 * fabs(next - error));
     }
-    tally->pixels += quality->params.pixels;
     return 0;
+}
+
+double quality_psnr_db(const uint8_t *a, const uint8_t *b, size_t pixels)
+{
+    double sum = 0.0;
+    for (size_t i = 0; i < 4 * pixels; i++) {
+        double d = i % 4 == 3 ? 0.0 : (double)a[i] - (double)b[i];
+        sum += d * d;
+    }
+    double mean = sum / (3.0 * (double)pixels);
+    return fmin(10.0 * log10(255.0 * 255.0 / mean), QUALITY_PSNR_MOST);
+}
+
+/* Draws the reference over the frame and holds the pictures against each other. */
+static int compare(struct quality *quality, struct renderer *renderer, const struct view *view,
+                   struct quality_tally *tally)
+{
+    unsigned framebuffer = renderer_framebuffer(renderer);
+    int r = readback_copy(quality->colours, framebuffer, quality->ours);
+    if (r < 0)
+        return r;
+    reference_pass_set_view(quality->params.pass, view);
+    renderer_redraw_with(renderer, reference_pass_draw, quality->params.pass);
+    r = readback_copy(quality->colours, framebuffer, quality->reference);
+    if (r < 0)
+        return r;
+    samples_add(&tally->psnr_db,
+                quality_psnr_db(quality->ours, quality->reference, quality->picture));
+    return judge(quality, renderer, view, &tally->reference_px, NULL);
+}
+
+int quality_look(struct quality *quality, struct renderer *renderer, const struct view *view,
+                 struct quality_tally *tally)
+{
+    for (unsigned i = 0; i < quality->params.pixels; i++)
+        quality->asked[i] = random_below(quality, (uint32_t)quality->picture);
+    tally->pixels += quality->params.pixels;
+    int r = judge(quality, renderer, view, &tally->error_px, &tally->depth_px);
+    return r < 0 || !quality->params.pass ? r : compare(quality, renderer, view, tally);
+}
+
+struct quality_pictures quality_pictures(struct quality *quality, double gain)
+{
+    for (size_t i = 0; i < 4 * quality->picture; i++) {
+        int d = abs(quality->ours[i] - quality->reference[i]);
+        quality->difference[i] = i % 4 == 3 ? 255 : (uint8_t)fmin(gain * d, 255.0);
+    }
+    return (struct quality_pictures){quality->ours, quality->reference, quality->difference};
 }

@@ -432,6 +432,16 @@ void renderer_redraw(struct renderer *renderer, const struct view *view,
         clipmap_pass_draw(renderer->clipmap);
 }
 
+void renderer_redraw_with(struct renderer *renderer, void (*draw)(void *user), void *user)
+{
+    bind_scene(renderer);
+    glBindFramebuffer(GL_FRAMEBUFFER, renderer->geometry_framebuffer);
+    glViewport(0, 0, renderer->width, renderer->height);
+    glClear(GL_DEPTH_BUFFER_BIT);
+    draw(user);
+    shade(renderer);
+}
+
 unsigned renderer_framebuffer(const struct renderer *renderer)
 {
     return renderer->framebuffer;

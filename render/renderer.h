@@ -69,6 +69,10 @@ void renderer_finish(struct renderer *renderer, struct renderer_frame *ret_frame
 void renderer_redraw(struct renderer *renderer, const struct view *view,
                      const float clip_from_enu[16], unsigned framebuffer, int width, int height);
 
+/* Draws the frame that was finished last once more with another geometry: `draw` commands it, as
+ * depth alone, by the scene block that is bound; pixels are shaded as ever. For measurements. */
+void renderer_redraw_with(struct renderer *renderer, void (*draw)(void *user), void *user);
+
 /* The framebuffer objects that hold the finished frame and the depth that it was shaded from, which
  * can be read back (READBACK_DEPTH) where a pixel has one sample. */
 unsigned renderer_framebuffer(const struct renderer *renderer);
