@@ -68,6 +68,7 @@ struct config_terrain {
     char database[CONFIG_PATH_MAX]; /* empty: the embedded planet */
     char geoid[CONFIG_PATH_MAX];    /* "egm96", or the path of a GeographicLib PGM */
     double pixel_error;             /* pixels */
+    double pixel_error_most;        /* pixels: where frames would else be late */
     unsigned cache_mib;             /* of decoded tiles of the database */
     enum config_technique technique;
     bool allow_dig; /* sources may change the ground of the database for good */

@@ -26,6 +26,7 @@ static const struct config_key keys[] = {
     {"terrain.database", ""},
     {"terrain.geoid", "egm96"},
     {"terrain.pixel_error", "1.0", 0.1, 100, "pixels"},
+    {"terrain.pixel_error_most", "8.0", 0.1, 100, "pixels"},
     {"terrain.technique", "clipmap"},
     {"terrain.cache_mib", "256", 16, 65536, "MiB"},
     {"terrain.allow_dig", "false"},

@@ -67,6 +67,7 @@ static const cyaml_schema_field_t terrain_fields[] = {
     CYAML_FIELD_STRING("database", OPTIONAL, struct config_terrain, database, 0),
     CYAML_FIELD_STRING("geoid", OPTIONAL, struct config_terrain, geoid, 0),
     CYAML_FIELD_FLOAT("pixel_error", OPTIONAL, struct config_terrain, pixel_error),
+    CYAML_FIELD_FLOAT("pixel_error_most", OPTIONAL, struct config_terrain, pixel_error_most),
     CYAML_FIELD_UINT("cache_mib", OPTIONAL, struct config_terrain, cache_mib),
     CYAML_FIELD_ENUM("technique", WORD, struct config_terrain, technique, technique_words,
                      CYAML_ARRAY_LEN(technique_words)),

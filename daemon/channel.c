@@ -22,6 +22,14 @@ struct channel {
     double undulation_m;
 };
 
+/* What a pixel in the middle of the picture covers. */
+static double pixel_rad(const struct channel_params *params)
+{
+    const struct channel_geometry *g = &params->geometry;
+    double degree = M_PI / 180.0;
+    return (tan(g->right_deg * degree) - tan(g->left_deg * degree)) / params->width;
+}
+
 static int create_renderer(struct channel *channel, const struct channel_params *params,
                            struct diag *diag)
 {
@@ -35,7 +43,7 @@ static int create_renderer(struct channel *channel, const struct channel_params 
     struct terrain_facts facts;
     terrain.source->ops->facts(terrain.source, &facts);
     struct clipmap_shape shape =
-        renderer_shape(&facts, params->height, params->pixel_error, channel->gl.software);
+        renderer_shape(&facts, pixel_rad(params), params->pixel_error, channel->gl.software);
     if (params->radius)
         shape = clipmap_shape(params->radius, params->radius / 8, facts.finest_lat_step_deg);
     struct renderer_params renderer = {
@@ -48,6 +56,7 @@ static int create_renderer(struct channel *channel, const struct channel_params 
         .imagery = terrain.imagery,
         .samples = params->samples,
         .pixel_error = params->pixel_error,
+        .posts_most = params->radius,
     };
     return renderer_create(&renderer, &channel->gl, &channel->renderer, diag);
 }

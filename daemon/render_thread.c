@@ -10,6 +10,7 @@
 #include "base/latest.h"
 #include "base/ring.h"
 #include "daemon/frame_output.h"
+#include "render/detail.h"
 
 #define GPU_MEMORY_EVERY_S 10.0
 #define WARM_UP_FRAMES     4
@@ -42,6 +43,7 @@ struct frame_loop {
     bool fresh; /* the pose in `input` has not been drawn yet */
     uint64_t snapshot;
     struct frame_sample sample;
+    struct governor governor;
 };
 
 static void announce(struct render_thread *thread, enum render_state state)
@@ -95,6 +97,8 @@ static void fill_sample(struct frame_loop *loop, const struct channel_frame *fra
     sample->frame_ms = frame->frame_ms;
     sample->cpu_ms = frame->cpu_ms;
     sample->gpu_ms = frame->renderer.gpu_ms;
+    sample->pixel_error = frame->renderer.pixel_error;
+    sample->reduced = governor_trades(&loop->governor);
     sample->transport_ns = drawn_first ? frame->finished_ns - loop->input.pose.receive_ns : -1;
     sample->position = loop->shown.position;
     sample->attitude = loop->shown.attitude;
@@ -123,6 +127,9 @@ static nsec_t draw_frame(struct frame_loop *loop, nsec_t tick_ns, bool *ret_fail
         pose_for_frame(&loop->input.policy, &loop->input.pose, loop->input.live,
                        frame_ns + loop->period_ns, &next);
     channel_draw(loop->channel, &loop->shown, &next, loop->shown_utc_ns, false, &frame);
+    renderer_set_pixel_error(
+        channel_renderer(loop->channel),
+        governor_next(&loop->governor, frame.frame_ms, frame.renderer.pixel_error));
     take_snapshot(loop, &frame.view);
     fill_sample(loop, &frame, tick_ns);
     *ret_failed = frame.renderer.failed;
@@ -177,6 +184,8 @@ static void *render_main(void *data)
         announce(thread, RENDER_FAILED);
         return NULL;
     }
+    governor_init(&loop.governor, thread->params.channel.pixel_error,
+                  thread->params.pixel_error_most, (double)loop.period_ns * 1e-6);
     thread->gl = *channel_gl(loop.channel);
     thread->output_error = open_output(&loop);
     warm_up(&loop);

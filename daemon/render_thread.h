@@ -36,12 +36,15 @@ struct frame_sample {
     bool complete; /* the terrain was all there */
     unsigned tiles_resident, tiles_pending;
     uint64_t terrain_errors;
-    int gpu_mib; /* 0 = unknown */
+    int gpu_mib;        /* 0 = unknown */
+    double pixel_error; /* that the frame was drawn for */
+    bool reduced;       /* that is more than was asked, for want of time */
 };
 
 struct render_params {
     struct channel_params channel; /* the strings and the window outlive the thread */
     double rate_hz;
+    double pixel_error_most; /* up to which the error may grow before a deadline is missed */
     struct render_input first;
     const char *snapshot_directory; /* NULL = none */
     struct notify *notify;          /* one beat a frame */

@@ -189,7 +189,9 @@ static void open_recorder(struct service *service)
 static int start_render(struct service *service, struct diag *diag)
 {
     const struct config *config = &service->config;
-    struct render_params params = {.rate_hz = config->display.rate_hz, .notify = &service->notify};
+    struct render_params params = {.rate_hz = config->display.rate_hz,
+                                   .pixel_error_most = config->terrain.pixel_error_most,
+                                   .notify = &service->notify};
     params.channel.window = service->window;
     config_to_channel(config, &params.channel);
     if (service->recorder)

@@ -35,6 +35,10 @@ static void terrain_faults(struct service *service, nsec_t now_ns)
                       "the finest terrain has been missing for more than 5 seconds");
     service_set_fault(service, FAULT_DEADLINE_MISSED, health_collect_any_late(collect),
                       "frames were finished too late");
+    snprintf(sentence, sizeof(sentence),
+             "the terrain is drawn to within %.1f pixels, for want of time",
+             collect->newest.pixel_error);
+    service_set_fault(service, FAULT_DETAIL_REDUCED, collect->newest.reduced, sentence);
 }
 
 static void recorder_faults(struct service *service, nsec_t now_ns)

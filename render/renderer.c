@@ -10,6 +10,7 @@
 #include "geo/cube.h"
 #include "geo/geographic.h"
 #include "render/clipmap_pass.h"
+#include "render/detail.h"
 #include "render/image_pass.h"
 #include "render/mapped_buffer.h"
 #include "render/program.h"
@@ -17,17 +18,18 @@
 #include "terrain/imagery.h"
 
 #define BUFFERED_SCENES 4
-/* Of the promised error, what one level may differ from the next finer one in whose place it is
- * drawn: several may add up, and what is drawn in full has an error, too. */
-#define LEVEL_SHARE 0.25
-#define SHADE_GROUP 8 /* pixels a side of a work group of shade_compute.comp */
+/* Posts that levels are drawn to at most: the mesh of a frame that an H200 draws in 1.2 ms at 1920
+ * x 1080 (docs/performance.md). */
+#define POSTS_MOST   224.0
+#define BLOCKS_LEAST 6.8 /* that a level has to reach for the next finer one to reach as far */
+#define SHADE_GROUP  8   /* pixels a side of a work group of shade_compute.comp */
 
 /* Where a frame's time is marked: pass p lies between marks p and p + 1. */
 enum pass { PASS_UPLOAD, PASS_TERRAIN, PASS_SHADE, PASSES, PASS_MARKS = PASSES + 1 };
 
 struct renderer {
     int width, height, samples;
-    double tolerance_px; /* of one level for the next finer one */
+    double pixel_error, posts_most;
     struct clipmap_shape shape;
     struct loader *loader;
     struct clipmap_pass *clipmap;
@@ -51,17 +53,16 @@ struct renderer {
     struct renderer_frame frame;
 };
 
-struct clipmap_shape renderer_shape(const struct terrain_facts *facts, int height_px,
+struct clipmap_shape renderer_shape(const struct terrain_facts *facts, double pixel_rad,
                                     double pixel_error, bool software)
 {
-    double cells = height_px / fmax(pixel_error, 0.25);
-    int radius = software ? 64 : 128;
-    if (!software && cells > 1600)
+    double posts = detail_posts(pixel_rad, pixel_error);
+    int radius = 32, most = software ? 64 : 256;
+    while (radius < most && radius < posts)
         radius *= 2;
-    if (cells < 400)
-        radius /= 2;
     /* Small blocks waste fewer triangles; software rasterisers pay for each. */
-    return clipmap_shape(radius, software ? radius / 8 : radius / 16, facts->finest_lat_step_deg);
+    int block = software || radius < 64 ? radius / 8 : 8;
+    return clipmap_shape(radius, block, facts->finest_lat_step_deg);
 }
 
 static int create_framebuffers(struct renderer *renderer, struct diag *diag)
@@ -164,7 +165,8 @@ int renderer_create(const struct renderer_params *params, const struct gl_facts 
     renderer->width = params->width;
     renderer->height = params->height;
     renderer->samples = params->samples ? params->samples : 1;
-    renderer->tolerance_px = LEVEL_SHARE * (params->pixel_error > 0.0 ? params->pixel_error : 1.0);
+    renderer->pixel_error = params->pixel_error > 0.0 ? params->pixel_error : 1.0;
+    renderer->posts_most = params->posts_most > 0.0 ? params->posts_most : POSTS_MOST;
     renderer->shape = params->shape;
     renderer->shade_in_compute = !facts->software;
     renderer->debug_groups = facts->debug;
@@ -228,6 +230,11 @@ static int finest_wanted(const struct renderer *renderer, const struct geodetic 
                                 renderer->has_ground ? renderer->ground.nearest_m : eye->height_m);
 }
 
+void renderer_set_pixel_error(struct renderer *renderer, double pixel_error)
+{
+    renderer->pixel_error = pixel_error;
+}
+
 /* One level finer than will be drawn is kept ready, so that descending finds it. */
 void renderer_wish(struct renderer *renderer, const struct geodetic *eye, bool patient)
 {
@@ -287,27 +294,35 @@ static bool is_complete(const struct renderer *renderer, const struct geodetic *
     return image_pass_complete(renderer->images, eye, height_above_ground_m(renderer, eye));
 }
 
-/* The least angle that a pixel covers: that of one in a corner. */
-static double least_pixel_rad(const struct view *view, double pixel_rad)
+/* How finely a view is drawn. The least angle of a pixel is that of one in a corner. */
+static struct scene_detail detail_of(struct renderer *renderer, const struct view *view)
 {
     double x = fmax(fabs(view->tan_left), fabs(view->tan_right));
     double y = fmax(fabs(view->tan_bottom), fabs(view->tan_top));
-    return pixel_rad / (1.0 + x * x + y * y);
+    double pixel_rad = (view->tan_right - view->tan_left) / renderer->width;
+    double most = fmin(renderer->shape.radius, renderer->posts_most);
+    double posts = fmin(detail_posts(pixel_rad, renderer->pixel_error), most);
+    posts = fmax(posts, BLOCKS_LEAST * renderer->shape.block);
+    renderer->frame.pixel_error = detail_pixel_error(pixel_rad, posts);
+    return (struct scene_detail){.pixel_rad = pixel_rad,
+                                 .tolerance_rad =
+                                     renderer->pixel_error * pixel_rad / (1.0 + x * x + y * y),
+                                 .share = posts / renderer->shape.radius};
 }
 
 /* Fills the next scene block with what is loaded, seen by a view. False where nothing is loaded
  * yet.
  */
-static bool fill_scene(struct renderer *renderer, const struct view *view, double pixel_rad)
+static bool fill_scene(struct renderer *renderer, const struct view *view,
+                       const struct scene_detail *detail)
 {
     renderer->scene = (renderer->scene + 1) % BUFFERED_SCENES;
     struct scene_block *scene = mapped_buffer_part(&renderer->scenes, renderer->scene);
     const struct loader_level *levels = clipmap_pass_levels(renderer->clipmap);
     scene_set_view(view, scene);
     if (levels)
-        renderer->select_groups =
-            scene_set_levels(view, &renderer->shape, levels, renderer->ground.nearest_m, pixel_rad,
-                             renderer->tolerance_px * least_pixel_rad(view, pixel_rad), scene);
+        renderer->select_groups = scene_set_levels(view, &renderer->shape, levels,
+                                                   renderer->ground.nearest_m, detail, scene);
     return levels;
 }
 
@@ -326,11 +341,11 @@ static bool prepare_frame(struct renderer *renderer, struct view *view)
     renderer->frame.height_above_terrain_m = height_above_ground_m(renderer, &view->eye);
     view->undulation_m = (double)renderer->ground.undulation_m;
     renderer->frame.undulation_m = view->undulation_m;
-    double pixel_rad = (view->tan_right - view->tan_left) / renderer->width;
-    if (!fill_scene(renderer, view, pixel_rad))
+    struct scene_detail detail = detail_of(renderer, view);
+    if (!fill_scene(renderer, view, &detail))
         return false;
     image_pass_prepare(renderer->images, &view->eye, height_above_ground_m(renderer, &view->eye),
-                       pixel_rad);
+                       detail.pixel_rad);
     return true;
 }
 
@@ -421,7 +436,8 @@ void renderer_finish(struct renderer *renderer, struct renderer_frame *ret_frame
 void renderer_redraw(struct renderer *renderer, const struct view *view,
                      const float clip_from_enu[16], unsigned framebuffer, int width, int height)
 {
-    bool terrain = fill_scene(renderer, view, 1.0 / renderer->width);
+    struct scene_detail detail = detail_of(renderer, view);
+    bool terrain = fill_scene(renderer, view, &detail);
     struct scene_block *scene = mapped_buffer_part(&renderer->scenes, renderer->scene);
     memcpy(scene->clip_from_enu, clip_from_enu, sizeof(scene->clip_from_enu));
     bind_scene(renderer);

@@ -23,6 +23,7 @@ struct renderer_params {
     struct imagery *imagery;         /* likewise; may be NULL */
     int samples;                     /* of a pixel: 1, or 4 for smooth edges; 0: 1 */
     double pixel_error; /* by which what is drawn may differ from the terrain, pixels; 0: 1 */
+    double posts_most;  /* to which levels are drawn at most; 0: what there is time for */
 };
 
 struct renderer_frame {
@@ -30,6 +31,8 @@ struct renderer_frame {
     double upload_ms, terrain_ms, shade_ms; /* the same by pass */
     uint64_t triangles;                     /* generated, after culling */
     unsigned control_points;                /* vertices sent by the CPU */
+    double
+        pixel_error; /* that the levels are drawn for: what was asked, or what there is time for */
     uint64_t upload_bytes;
     bool complete; /* terrain and imagery drawn are those of this eye, not of an earlier one */
     bool failed;   /* the GPU was reset or ran out of memory */
@@ -39,14 +42,17 @@ struct renderer_frame {
 
 struct renderer;
 
-/* The clipmap that fits a source, a screen and a rasteriser: the radius by pixels and
- * `pixel_error`, smaller on software rasterisers. */
-struct clipmap_shape renderer_shape(const struct terrain_facts *facts, int height_px,
+/* The clipmap that fits a source, a screen whose pixels cover `pixel_rad` and a rasteriser: the
+ * radius by `pixel_error`, up to what a frame has time for. */
+struct clipmap_shape renderer_shape(const struct terrain_facts *facts, double pixel_rad,
                                     double pixel_error, bool software);
 
 int renderer_create(const struct renderer_params *params, const struct gl_facts *facts,
                     struct renderer **ret_renderer, struct diag *diag);
 void renderer_destroy(struct renderer *renderer);
+
+/* From the next frame on. Takes effect at once up to what the clipmap's radius allows. */
+void renderer_set_pixel_error(struct renderer *renderer, double pixel_error);
 
 /* Tells the loader where the eye will be. May be called ahead of the frame. `patient`: terrain is
  * awaited rather than shown coarser while it is read. */

@@ -192,13 +192,13 @@ static int set_candidates(const struct clipmap_shape *shape, const struct loader
 }
 
 int scene_set_levels(const struct view *view, const struct clipmap_shape *shape,
-                     const struct loader_level *levels, double nearest_m, double pixel_rad,
-                     double tolerance_rad, struct scene_block *ret_scene)
+                     const struct loader_level *levels, double nearest_m,
+                     const struct scene_detail *detail, struct scene_block *ret_scene)
 {
     struct scene_block *scene = ret_scene;
     double normal[3], ends[CLIPMAP_MAX_LEVELS], step_rad = clipmap_step_rad(shape, 0);
     struct clipmap_cap caps[CLIPMAP_MAX_LEVELS];
-    double shortest = 1.0; /* of what is drawn of the levels, as a share of their reach */
+    double shortest = 1.0; /* of what is held of the levels, as a share of their reach */
     int finest = shape->levels - 1;
     cube_normal_from_geodetic(view->eye.lat_deg, view->eye.lon_deg, normal);
     for (int p = 0; p < CLIPMAP_PANES; p++) {
@@ -211,7 +211,7 @@ int scene_set_levels(const struct view *view, const struct clipmap_shape *shape,
     set_edges(scene);
     for (int level = 0; level < shape->levels; level++)
         caps[level] = levels[level].cap;
-    clipmap_ends(shape, caps, normal, ends);
+    clipmap_ends(shape, caps, normal, detail->share, ends);
     for (int level = shape->levels - 1; level >= 0; level--) {
         double step = clipmap_step_rad(shape, level);
         float *ret = scene->levels[level];
@@ -221,7 +221,9 @@ int scene_set_levels(const struct view *view, const struct clipmap_shape *shape,
         struct clipmap_reach reach = clipmap_reach(shape, level, normal);
         ret[3] = (float)reach.block;
         if (ends[level] > 0.0 && level < shape->levels - 1)
-            shortest = fmin(shortest, ends[level] / reach.end);
+            shortest = fmin(shortest, (caps[level].radius - reach.block -
+                                       cube_chord(caps[level].normal, normal)) /
+                                          reach.end);
         finest = ends[level] > 0.0 ? level : finest;
     }
     scene->eye_rest[1] = (float)(1.0 / (shortest * clipmap_reach(shape, 0, normal).end));
@@ -232,7 +234,7 @@ int scene_set_levels(const struct view *view, const struct clipmap_shape *shape,
     scene->sizes[3] = shape->levels - 1;
     scene->grid[0] = (float)(0.5 * step_rad);
     scene->grid[1] = (float)(fmax(nearest_m, 0.0) / WGS84_A);
-    scene->grid[2] = (float)(pixel_rad / (step_rad * WGS84_A));
-    scene->accuracy[0] = (float)(1.0 / (tolerance_rad * WGS84_A));
+    scene->grid[2] = (float)(detail->pixel_rad / (step_rad * WGS84_A));
+    scene->accuracy[0] = (float)(1.0 / (detail->tolerance_rad * WGS84_A));
     return set_candidates(shape, levels, ends, normal, scene);
 }

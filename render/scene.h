@@ -45,10 +45,17 @@ _Static_assert(offsetof(struct scene_block, levels) == 864, "std140");
 /* Fills everything but what the next call does. */
 void scene_set_view(const struct view *view, struct scene_block *ret_scene);
 
+/* How finely a frame is drawn. */
+struct scene_detail {
+    double pixel_rad;     /* the angle of a pixel at the centre of the view */
+    double tolerance_rad; /* by which a level may be seen to differ from the next finer one in whose
+                             place it is drawn */
+    double share;         /* of their reach that levels are drawn to: 0 to 1 */
+};
+
 /* Where the eye is on the clipmap: `levels` is what is held, `nearest_m` how far the nearest ground
- * is, `pixel_rad` the angle of a pixel at the centre of the view, `tolerance_rad` the angle by
- * which a level may be seen to differ from the next finer one in place of which it is drawn. After
- * scene_set_view. Returns the work groups that choosing the blocks takes (clipmap_pass_select). */
+ * is. After scene_set_view. Returns the work groups that choosing the blocks takes
+ * (clipmap_pass_select). */
 int scene_set_levels(const struct view *view, const struct clipmap_shape *shape,
-                     const struct loader_level *levels, double nearest_m, double pixel_rad,
-                     double tolerance_rad, struct scene_block *ret_scene);
+                     const struct loader_level *levels, double nearest_m,
+                     const struct scene_detail *detail, struct scene_block *ret_scene);

@@ -63,7 +63,7 @@ struct clipmap_reach clipmap_reach(const struct clipmap_shape *shape, int level,
 }
 
 void clipmap_ends(const struct clipmap_shape *shape, const struct clipmap_cap *caps,
-                  const double normal[3], double *ret_ends)
+                  const double normal[3], double share, double *ret_ends)
 {
     int top = shape->levels - 1;
     for (int level = top; level >= 0; level--) {
@@ -71,7 +71,7 @@ void clipmap_ends(const struct clipmap_shape *shape, const struct clipmap_cap *c
         double held = caps[level].radius - cube_chord(caps[level].normal, normal);
         double parents = 2.0 * (2.0 * reach.block), end = held;
         if (level < top) {
-            end = fmin(reach.end, held - parents);
+            end = fmin(share * reach.end, held - parents);
             end = fmin(end, (1.0 - CLIPMAP_BLEND) * ret_ends[level + 1] - parents);
         }
         ret_ends[level] = caps[level].radius > 0.0 ? fmax(end, 0.0) : 0.0;

@@ -69,12 +69,12 @@ struct clipmap_cap {
     double radius;
 };
 
-/* How far each level can be drawn with what is held: ends of all levels, at most clipmap_reach()'s,
- * such that blocks of neighbouring sizes differ by one level and that on an edge between two levels
- * the coarser one is not blended yet. 0: not at all. The coarsest level is drawn as far as it is
- * held. */
+/* How far each level is drawn with what is held: ends of all levels, at most `share` (0 to 1) of
+ * clipmap_reach()'s, such that blocks of neighbouring sizes differ by one level and that on an edge
+ * between two levels the coarser one is not blended yet. 0: not at all. The coarsest level is drawn
+ * as far as it is held. */
 void clipmap_ends(const struct clipmap_shape *shape, const struct clipmap_cap *caps,
-                  const double normal[3], double *ret_ends);
+                  const double normal[3], double share, double *ret_ends);
 
 /* Over the last part of its reach a level is blended into the next. */
 #define CLIPMAP_BLEND 0.25

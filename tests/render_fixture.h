@@ -74,8 +74,8 @@ struct scene_under_test {
     struct readback *depth, *colour;
 };
 
-/* `radius` = 0: what suits the screen, and no level in place of a finer one however alike. Depth can be read back where `samples` is 1. Takes the
- * source and the imagery, which may be NULL. */
+/* `radius` = 0: what suits the screen, and no level in place of a finer one however alike. Depth
+ * can be read back where `samples` is 1. Takes the source and the imagery, which may be NULL. */
 static inline bool open_scene_over(struct terrain_source *source, int radius, int samples,
                                    struct imagery *imagery, struct scene_under_test *ret)
 {
@@ -84,11 +84,11 @@ static inline bool open_scene_over(struct terrain_source *source, int radius, in
     struct renderer_params params = {
         .width = WIDTH,
         .height = HEIGHT,
-        .shape = renderer_shape(&facts, HEIGHT, 0.25, gl.software),
+        .shape = renderer_shape(&facts, 1e-3, 1.0, gl.software),
         .source = source,
         .imagery = imagery,
         .samples = samples,
-        .pixel_error = radius ? 1.0 : 1e-3,
+        .pixel_error = radius ? 1.0 : 1e-4,
     };
     if (radius)
         params.shape = clipmap_shape(radius, radius / 8, facts.finest_lat_step_deg);

@@ -181,7 +181,7 @@ static void neighbours_differ_by_one_level_and_agree(void)
             if (i % 7 == 0 && random_between(0, 1) < 0.1)
                 caps[level].radius *= random_between(0, 1);
         }
-        clipmap_ends(shape, caps, eye, ends);
+        clipmap_ends(shape, caps, eye, 1.0, ends);
         /* A walk outwards, over all levels. */
         double way = random_between(-M_PI, M_PI), up = i % 2 ? 0.0 : random_between(0, 1) * ends[3];
         double turn_xi = cos(way), turn_eta = sin(way);
@@ -232,7 +232,7 @@ static void what_is_held_does_not_shorten_a_level(void)
             caps[level].normal[i % 3] += 0.9 * reach.lag;
             caps[level].radius = reach.cap;
         }
-        clipmap_ends(shape, caps, eye, ends);
+        clipmap_ends(shape, caps, eye, 1.0, ends);
         for (int level = 0; level < shape->levels - 1; level++)
             shortened += ends[level] < 0.9999 * clipmap_reach(shape, level, eye).end;
     }

@@ -166,9 +166,10 @@ static void take_stand(const struct eye *eye, int radius, struct stand *ret)
         ret->levels[k].cap = caps[k];
         clipmap_panes(&ret->shape, k, &caps[k], ret->levels[k].panes);
     }
-    clipmap_ends(&ret->shape, caps, ret->normal, ret->ends);
+    clipmap_ends(&ret->shape, caps, ret->normal, 1.0, ret->ends);
     scene_set_view(&ret->view, &ret->scene);
-    scene_set_levels(&ret->view, &ret->shape, ret->levels, eye->above_m, 1e-3, 1e-3, &ret->scene);
+    scene_set_levels(&ret->view, &ret->shape, ret->levels, eye->above_m,
+                     &(struct scene_detail){1e-3, 1e-3, 1.0}, &ret->scene);
     ret->finest = clipmap_finest_level(&ret->shape, ret->normal, eye->above_m);
 }
 

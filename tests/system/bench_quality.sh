@@ -1,5 +1,5 @@
 #!/bin/sh
-# `otwd bench quality`: the figures are there and sound, the worst frame is written, and what is asked wrongly is
+# `otwd bench quality`: the figures are there and sound, the worst frame is written, and what is asked
 # told.
 . "$(dirname "$0")/common.sh"
 
