@@ -49,7 +49,7 @@ static const struct argp_option known[] = {
     {"size", OPT_SIZE, "WxH", 0, "pixels (default 1024x576)", 0},
     {"pixel-error", OPT_PIXEL_ERROR, "PX", 0, "error allowed on the screen (default 1)", 0},
     {"radius", OPT_RADIUS, "POSTS", 0,
-     "of the clipmap's levels: 32, 64, 128, 256 or 512 (default: by size and pixel error)", 0},
+     "of the clipmap's levels: 32, 64, 128 or 256 (default: by size and pixel error)", 0},
     {"frames", OPT_FRAMES, "N", 0, "evenly over the flight (default 60)", 0},
     {"pixels", OPT_PIXELS, "N", 0, "of a frame that are asked, at random (default 20000)", 0},
     {"reference-step", OPT_REFERENCE_STEP, "M", 0,
@@ -81,7 +81,7 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
         channel->pixel_error = cli_number(state, "pixel-error", argument, 0.1, 100.0);
         return 0;
     case OPT_RADIUS:
-        channel->radius = (int)cli_number(state, "radius", argument, 32.0, 512.0);
+        channel->radius = (int)cli_number(state, "radius", argument, 32.0, 256.0);
         if (channel->radius & (channel->radius - 1))
             argp_error(state, "--radius takes a power of two, not \"%s\"", argument);
         return 0;
@@ -232,10 +232,20 @@ static int findings_init(struct findings *findings, const struct quality_options
     return 0;
 }
 
-static int write_images(const struct quality_options *options, struct quality *quality,
-                        struct diag *diag)
+/* All that a run works with. */
+struct run {
+    struct quality_options options;
+    struct flight *flight;
+    struct channel *channel;
+    struct detail detail;
+    struct quality *quality;
+    struct findings findings;
+};
+
+static int write_images(struct run *run, struct diag *diag)
 {
-    struct quality_pictures pictures = quality_pictures(quality, DIFFERENCE_GAIN);
+    const struct quality_options *options = &run->options;
+    struct quality_pictures pictures = quality_pictures(run->quality, DIFFERENCE_GAIN);
     const struct {
         const char *name;
         const uint8_t *rgba;
@@ -254,50 +264,46 @@ static int write_images(const struct quality_options *options, struct quality *q
 }
 
 /* Keeps the frame in mind if it is the worst so far. */
-static int note_worst(const struct quality_options *options, struct quality *quality, double time_s,
-                      struct findings *findings, struct diag *diag)
+static int note_worst(struct run *run, double time_s, struct diag *diag)
 {
+    struct findings *findings = &run->findings;
     const struct samples *psnr_db = &findings->tally.psnr_db;
     double db = psnr_db->values[psnr_db->count - 1];
     if (db >= findings->worst_db)
         return 0;
     findings->worst_db = db;
     findings->worst_s = time_s;
-    return options->images_dir ? write_images(options, quality, diag) : 0;
+    return run->options.images_dir ? write_images(run, diag) : 0;
 }
 
-static int judge_frame(const struct quality_options *options, const struct pose *pose,
-                       double time_s, nsec_t utc_ns, struct channel *channel, struct detail *detail,
-                       struct quality *quality, struct findings *findings, struct diag *diag)
+static int judge_frame(struct run *run, nsec_t time_ns, struct diag *diag)
 {
+    struct findings *findings = &run->findings;
+    struct pose pose;
     struct channel_frame frame;
+    flight_sample(run->flight, time_ns, &pose);
     for (int again = 0; again < 2; again++) /* the first tells how near the ground is */
-        channel_draw(channel, pose, NULL, utc_ns, true, &frame);
+        channel_draw(run->channel, &pose, NULL, replay_utc_ns(run->flight) + time_ns, true, &frame);
     samples_add(&findings->triangles, (double)frame.renderer.triangles);
-    if (quality_look(quality, channel_renderer(channel), &frame.view, &findings->tally) < 0)
+    if (quality_look(run->quality, channel_renderer(run->channel), &frame.view, &findings->tally) <
+        0)
         return diag_set(diag, -EIO, "the GPU was lost");
-    if (!detail->pass)
+    if (!run->detail.pass)
         return 0;
     samples_add(&findings->reference_triangles,
-                (double)reference_pass_counts(detail->pass).triangles);
-    return note_worst(options, quality, time_s, findings, diag);
+                (double)reference_pass_counts(run->detail.pass).triangles);
+    return note_worst(run, seconds_from_ns(time_ns), diag);
 }
 
-static int fly(const struct quality_options *options, const struct flight *flight,
-               struct channel *channel, struct detail *detail, struct quality *quality,
-               struct findings *findings, struct diag *diag)
+static int fly(struct run *run, struct diag *diag)
 {
-    nsec_t duration_ns = flight_duration_ns(flight), utc_ns = replay_utc_ns(flight);
-    for (unsigned i = 0; i < options->frames; i++) {
-        double share = options->frames > 1 ? (double)i / (options->frames - 1) : 0.0;
-        nsec_t time_ns = (nsec_t)(share * (double)duration_ns);
-        struct pose pose;
-        flight_sample(flight, time_ns, &pose);
+    unsigned frames = run->options.frames;
+    double duration_ns = (double)flight_duration_ns(run->flight);
+    for (unsigned i = 0; i < frames; i++) {
+        double share = frames > 1 ? (double)i / (frames - 1) : 0.0;
         if (isatty(STDERR_FILENO))
-            fprintf(stderr, "\rframe %u of %u%s", i + 1, options->frames,
-                    i + 1 == options->frames ? "\n" : "");
-        int r = judge_frame(options, &pose, seconds_from_ns(time_ns), utc_ns + time_ns, channel,
-                            detail, quality, findings, diag);
+            fprintf(stderr, "\rframe %u of %u%s", i + 1, frames, i + 1 == frames ? "\n" : "");
+        int r = judge_frame(run, (nsec_t)(share * duration_ns), diag);
         if (r < 0)
             return r;
     }
@@ -334,14 +340,16 @@ static void print_row(const char *name, struct samples *px)
     printf("  %-24s %9.4f %9.4f %9.4f %9.4f\n", name, d.p50, d.p99, d.p999, d.max);
 }
 
-static void print_table(const struct quality_options *options, const struct detail *detail,
-                        const struct gl_facts *gl, struct findings *findings)
+static void print_table(struct run *run)
 {
-    const struct channel_params *channel = &options->channel;
+    const struct channel_params *channel = &run->options.channel;
+    const struct gl_facts *gl = channel_gl(run->channel);
+    const struct detail *detail = &run->detail;
+    struct findings *findings = &run->findings;
     struct quality_tally *tally = &findings->tally;
     struct distribution triangles = distribution_of(&findings->triangles);
-    printf("%s, %u frames of %d x %d on %s\n", channel->technique, options->frames, channel->width,
-           channel->height, gl->renderer);
+    printf("%s, %u frames of %d x %d on %s\n", channel->technique, run->options.frames,
+           channel->width, channel->height, gl->renderer);
     printf("  %.0f triangles at the median, at most %.0f\n", triangles.p50, triangles.max);
     printf("  %zu pixels with ground of %" PRIu64 " asked; %.3f %% are off by more than %g px\n",
            tally->error_px.count, tally->pixels,
@@ -372,16 +380,18 @@ static json_t *json_level(const struct reference *reference)
     return json_pack("{s:i,s:f}", "level", reference_level(reference), "step_m", step_m(reference));
 }
 
-static void print_json(const struct quality_options *options, const struct detail *detail,
-                       const struct gl_facts *gl, struct findings *findings)
+static void print_json(struct run *run)
 {
-    const struct channel_params *channel = &options->channel;
+    const struct channel_params *channel = &run->options.channel;
+    const struct gl_facts *gl = channel_gl(run->channel);
+    const struct detail *detail = &run->detail;
+    struct findings *findings = &run->findings;
     struct quality_tally *tally = &findings->tally;
     json_t *root = json_pack(
         "{s:s,s:o,s:{s:s,s:s,s:s},s:[i,i],s:f,s:i,s:I,s:I}", "technique", channel->technique,
-        "flight", cli_json_text(options->flight), "gl", "vendor", gl->vendor, "renderer",
+        "flight", cli_json_text(run->options.flight), "gl", "vendor", gl->vendor, "renderer",
         gl->renderer, "version", gl->version, "size_px", channel->width, channel->height,
-        "pixel_error", channel->pixel_error, "frames", (int)options->frames, "pixels",
+        "pixel_error", channel->pixel_error, "frames", (int)run->options.frames, "pixels",
         (json_int_t)tally->pixels, "pixels_judged", (json_int_t)tally->error_px.count);
     json_object_set_new(root, "share_over_pixel_error",
                         json_real(share_over(&tally->error_px, channel->pixel_error)));
@@ -403,37 +413,44 @@ static void print_json(const struct quality_options *options, const struct detai
     json_decref(root);
 }
 
+static int run_open(struct run *run, struct diag *diag)
+{
+    const struct quality_options *options = &run->options;
+    int r = load_flight(options, &run->flight, diag);
+    if (r == 0)
+        r = channel_create(&options->channel, &run->channel, diag);
+    if (r == 0)
+        r = detail_open(options, &run->detail, diag);
+    const struct quality_params params = {options->channel.width, options->channel.height,
+                                          options->pixels, run->detail.truth, run->detail.pass};
+    if (r == 0)
+        r = quality_create(&params, &run->quality, diag);
+    if (r == 0 && findings_init(&run->findings, options) < 0)
+        r = diag_set(diag, -ENOMEM, "no memory for the pixels");
+    return r;
+}
+
+static void run_close(struct run *run)
+{
+    findings_finish(&run->findings);
+    quality_destroy(run->quality);
+    detail_close(&run->detail);
+    channel_destroy(run->channel);
+    flight_destroy(run->flight);
+}
+
 int bench_quality_main(int argc, char **argv)
 {
-    struct quality_options options = {
-        .channel = replay_defaults().channel, .frames = 60, .pixels = 20000, .picture = true};
     struct diag diag = {.text = ""};
-    struct detail detail = {0};
-    struct flight *flight = NULL;
-    struct channel *channel = NULL;
-    struct quality *quality = NULL;
-    struct findings findings = {0};
-    cli_parse(&parser, "bench quality", argc, argv, &options);
-    int r = load_flight(&options, &flight, &diag);
+    struct run run = {
+        .options = {
+            .channel = replay_defaults().channel, .frames = 60, .pixels = 20000, .picture = true}};
+    cli_parse(&parser, "bench quality", argc, argv, &run.options);
+    int r = run_open(&run, &diag);
     if (r == 0)
-        r = channel_create(&options.channel, &channel, &diag);
+        r = fly(&run, &diag);
     if (r == 0)
-        r = detail_open(&options, &detail, &diag);
-    const struct quality_params params = {options.channel.width, options.channel.height,
-                                          options.pixels, detail.truth, detail.pass};
-    if (r == 0)
-        r = quality_create(&params, &quality, &diag);
-    if (r == 0 && findings_init(&findings, &options) < 0)
-        r = diag_set(&diag, -ENOMEM, "no memory for the pixels");
-    if (r == 0)
-        r = fly(&options, flight, channel, &detail, quality, &findings, &diag);
-    if (r == 0)
-        (options.json ? print_json : print_table)(&options, &detail, channel_gl(channel),
-                                                  &findings);
-    findings_finish(&findings);
-    quality_destroy(quality);
-    detail_close(&detail);
-    channel_destroy(channel);
-    flight_destroy(flight);
+        (run.options.json ? print_json : print_table)(&run);
+    run_close(&run);
     return r < 0 ? cli_fail(r, &diag) : EX_OK;
 }

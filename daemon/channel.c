@@ -45,7 +45,8 @@ static int create_renderer(struct channel *channel, const struct channel_params 
     struct clipmap_shape shape =
         renderer_shape(&facts, pixel_rad(params), params->pixel_error, channel->gl.software);
     if (params->radius)
-        shape = clipmap_shape(params->radius, params->radius / 8, facts.finest_lat_step_deg);
+        shape = clipmap_shape(params->radius, params->radius * shape.block / shape.radius,
+                              facts.finest_lat_step_deg);
     struct renderer_params renderer = {
         .width = params->width,
         .height = params->height,

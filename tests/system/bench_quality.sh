@@ -1,6 +1,6 @@
 #!/bin/sh
 # `otwd bench quality`: the figures are there and sound, the worst frame is written, and what is asked
-# told.
+# wrongly is told.
 . "$(dirname "$0")/common.sh"
 
 cat >flight.csv <<END
@@ -56,8 +56,8 @@ measure fine --frames 2 --radius 256 --no-picture
 within fine error_px p999 0 "$(awk -v a="$(value coarse error_px p999)" 'BEGIN { print 0.5 * a }')"
 grep -q psnr_db fine.json && fail "a ratio without a picture: $(cat fine.json)"
 
-"$OTWD" bench quality flight.csv --size 160x90 --frames 1 --pixels 500 --reference-step 80 >table.txt 2>>bench.log ||
-    fail "no table"
+"$OTWD" bench quality flight.csv --size 160x90 --frames 1 --pixels 500 --reference-step 80 \
+    >table.txt 2>>bench.log || fail "no table"
 grep -Eq "^  error +( +[0-9]+\.[0-9]+){4}\$" table.txt || fail "no error: $(cat table.txt)"
 grep -Eq '^  PSNR [0-9.]+ dB on average' table.txt || fail "no ratio: $(cat table.txt)"
 
@@ -65,14 +65,15 @@ grep -Eq '^  PSNR [0-9.]+ dB on average' table.txt || fail "no ratio: $(cat tabl
 expect() {
     expected=$1 text=$2
     shift 2
-    "$OTWD" bench quality --size 160x90 --frames 1 --pixels 100 --reference-step 80 "$@" >out.txt 2>error.txt
+    "$OTWD" bench quality --size 160x90 --frames 1 --pixels 100 --reference-step 80 "$@" \
+        >out.txt 2>error.txt
     status=$?
     [ "$status" -eq "$expected" ] || fail "$*: status $status, not $expected"
     grep -qF -- "$text" error.txt || fail "$*: \"$(cat error.txt)\" has no \"$text\""
 }
 expect 64 'FLIGHT'
 expect 64 'power of two' --radius 100 flight.csv
-expect 64 'a number from 32 to 512' --radius 1024 flight.csv
+expect 64 'a number from 32 to 256' --radius 512 flight.csv
 expect 66 'absent.csv' absent.csv
 expect 66 'absent.db' --terrain absent.db flight.csv
 printf 'no flight\n' >none.csv
