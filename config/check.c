@@ -10,6 +10,7 @@
 #include <sys/un.h>
 
 #include "config/schema.h"
+#include "render/view.h"
 
 static yaml_node_t *section(struct document *document, const char *name)
 {
@@ -42,14 +43,16 @@ static void check_channel(struct document *document, const struct config_channel
         document_complain(document, document_get(document, node, "name", NULL),
                           "channel.name is '%s'; letters, digits, '_', '-' and '.' make a name",
                           channel->name);
-    if (f->left_deg >= f->right_deg)
-        document_complain(document, either(document, frustum, "right_deg", "left_deg"),
-                          "channel.frustum: left_deg %g must be less than right_deg %g",
-                          f->left_deg, f->right_deg);
-    if (f->bottom_deg >= f->top_deg)
-        document_complain(document, either(document, frustum, "top_deg", "bottom_deg"),
-                          "channel.frustum: bottom_deg %g must be less than top_deg %g",
-                          f->bottom_deg, f->top_deg);
+    if (f->right_deg - f->left_deg < VIEW_NARROWEST_DEG)
+        document_complain(
+            document, either(document, frustum, "right_deg", "left_deg"),
+            "channel.frustum: left_deg %g must be less than right_deg %g, by %g at least",
+            f->left_deg, f->right_deg, VIEW_NARROWEST_DEG);
+    if (f->top_deg - f->bottom_deg < VIEW_NARROWEST_DEG)
+        document_complain(
+            document, either(document, frustum, "top_deg", "bottom_deg"),
+            "channel.frustum: bottom_deg %g must be less than top_deg %g, by %g at least",
+            f->bottom_deg, f->top_deg, VIEW_NARROWEST_DEG);
 }
 
 static void check_terrain(struct document *document, const struct config_terrain *terrain)

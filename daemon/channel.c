@@ -2,6 +2,7 @@
 
 #include <errno.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -19,7 +20,8 @@ struct channel {
     struct renderer *renderer;
     struct channel_geometry geometry;
     double visibility_m;
-    double undulation_m;
+    struct view last; /* that was sane */
+    char note[160];
 };
 
 /* What a pixel in the middle of the picture covers. */
@@ -59,7 +61,15 @@ static int create_renderer(struct channel *channel, const struct channel_params 
         .pixel_error = params->pixel_error,
         .posts_most = params->radius,
     };
-    return renderer_create(&renderer, &channel->gl, &channel->renderer, diag);
+    int radius = renderer.shape.radius;
+    r = renderer_create(&renderer, &channel->gl, &channel->renderer, diag);
+    if (r == 0 && renderer_radius(channel->renderer) < radius)
+        snprintf(
+            channel->note, sizeof(channel->note),
+            "the GPU has not enough memory: levels of terrain end at %d posts, not %d, and the "
+            "picture is coarser than it could be",
+            renderer_radius(channel->renderer), radius);
+    return r;
 }
 
 int channel_create(const struct channel_params *params, struct channel **ret_channel,
@@ -68,13 +78,16 @@ int channel_create(const struct channel_params *params, struct channel **ret_cha
     if (strcmp(params->technique, "clipmap") != 0)
         return diag_set(diag, -EINVAL, "technique \"%s\" is not available (there is: clipmap)",
                         params->technique);
+    int r = channel_geometry_check(&params->geometry, diag);
+    if (r < 0)
+        return r;
     struct channel *channel = calloc(1, sizeof(*channel));
     if (!channel)
         return diag_set(diag, -ENOMEM, "no memory for the channel");
     channel->geometry = params->geometry;
     channel->visibility_m = params->visibility_m;
     channel->window = params->window;
-    int r = 0;
+    view_from_pose(&(struct pose){0}, &channel->geometry, &channel->last);
     if (channel->window)
         window_make_current(channel->window);
     else
@@ -101,6 +114,16 @@ void channel_destroy(struct channel *channel)
     free(channel);
 }
 
+/* The view from a pose; from the last one that had a place where this one has none. */
+static void view_from(struct channel *channel, const struct pose *pose, struct view *ret_view)
+{
+    view_from_pose(pose, &channel->geometry, ret_view);
+    if (view_is_sane(ret_view))
+        channel->last = *ret_view;
+    else
+        *ret_view = channel->last;
+}
+
 /* Lets the loader work on the next frame's terrain: while the GPU draws this one, or, where the
  * rasteriser itself needs the cores, once this one is drawn. */
 static void expect(struct channel *channel, const struct pose *next, bool complete)
@@ -108,7 +131,7 @@ static void expect(struct channel *channel, const struct pose *next, bool comple
     struct view ahead;
     if (!next)
         return;
-    view_from_pose(next, &channel->geometry, &ahead);
+    view_from(channel, next, &ahead);
     renderer_wish(channel->renderer, &ahead.eye, complete);
 }
 
@@ -116,7 +139,7 @@ void channel_draw(struct channel *channel, const struct pose *pose, const struct
                   nsec_t utc_ns, bool complete, struct channel_frame *ret_frame)
 {
     struct view view;
-    view_from_pose(pose, &channel->geometry, &view);
+    view_from(channel, pose, &view);
     renderer_wish(channel->renderer, &view.eye, complete);
     if (complete)
         renderer_wait(channel->renderer);
@@ -146,6 +169,11 @@ void channel_set_visibility(struct channel *channel, double visibility_m)
 const struct gl_facts *channel_gl(const struct channel *channel)
 {
     return &channel->gl;
+}
+
+const char *channel_note(const struct channel *channel)
+{
+    return channel->note;
 }
 
 struct renderer *channel_renderer(struct channel *channel)

@@ -24,6 +24,9 @@ struct channel_params {
     struct window *window; /* shows the frames too; NULL = headless */
 };
 
+/* What is said where a frame's renderer has failed. */
+#define CHANNEL_LOST "the GPU was reset or ran out of memory"
+
 /* What a frame was and cost. */
 struct channel_frame {
     struct view view;
@@ -35,14 +38,15 @@ struct channel_frame {
 
 struct channel;
 
-/* -EINVAL for an unknown technique, -ENOENT for a missing database or geoid, -ENODEV without
- * OpenGL 4.5; the sentence says which. */
+/* -EINVAL for an unknown technique or a field of view that cannot be drawn, -ENOENT for a missing
+ * database or geoid, -ENODEV without OpenGL 4.5; the sentence says which. */
 int channel_create(const struct channel_params *params, struct channel **ret_channel,
                    struct diag *diag);
 /* Legal on NULL. */
 void channel_destroy(struct channel *channel);
 
-/* Draws and finishes one frame. `next` is where the following frame will be seen from (NULL =
+/* Draws and finishes one frame. A pose that is no place on the Earth shows what the one before
+ * showed. `next` is where the following frame will be seen from (NULL =
  * unknown): the loader works on its terrain while the GPU draws this one. `utc_ns` places the sun.
  * With `complete`, first waits until the terrain is all there (replay without a clock); that wait
  * is not part of frame_ms. */
@@ -50,6 +54,9 @@ void channel_draw(struct channel *channel, const struct pose *pose, const struct
                   nsec_t utc_ns, bool complete, struct channel_frame *ret_frame);
 
 void channel_set_visibility(struct channel *channel, double visibility_m);
+
+/* What the operator has to know of how it draws: "" or a sentence. */
+const char *channel_note(const struct channel *channel);
 
 const struct gl_facts *channel_gl(const struct channel *channel);
 struct renderer *channel_renderer(struct channel *channel);

@@ -2,6 +2,7 @@
 
 #include <errno.h>
 #include <pthread.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/eventfd.h>
@@ -20,11 +21,13 @@ struct render_thread {
     struct latest input; /* struct render_input, written by the event loop */
     struct ring samples; /* struct frame_sample, read by the event loop */
     int event_fd;
-    _Atomic int state; /* enum render_state; the release that makes `gl` and `diag` visible */
+    _Atomic int
+        state; /* enum render_state; the release that makes `gl`, `note` and `diag` visible */
     atomic_bool stopping;
     bool has_thread;
     pthread_t thread;
     struct gl_facts gl;
+    char note[160];
     struct diag diag; /* why it failed */
     int output_error; /* read after the thread has ended */
     struct diag output_diag;
@@ -187,6 +190,7 @@ static void *render_main(void *data)
     governor_init(&loop.governor, thread->params.channel.pixel_error,
                   thread->params.pixel_error_most, (double)loop.period_ns * 1e-6);
     thread->gl = *channel_gl(loop.channel);
+    snprintf(thread->note, sizeof(thread->note), "%s", channel_note(loop.channel));
     thread->output_error = open_output(&loop);
     warm_up(&loop);
     announce(thread, RENDER_RUNNING);
@@ -196,8 +200,8 @@ static void *render_main(void *data)
         thread->output_error = r;
     channel_destroy(loop.channel);
     if (failed) {
-        diag_set(&thread->diag, -EIO, "the GPU was reset or ran out of memory");
-        announce(thread, RENDER_FAILED);
+        diag_set(&thread->diag, -EIO, CHANNEL_LOST);
+        announce(thread, RENDER_LOST);
     }
     return NULL;
 }
@@ -265,7 +269,7 @@ enum render_state render_thread_state(struct render_thread *thread, struct diag 
     if (read(thread->event_fd, &count, sizeof(count)) < 0 && errno != EAGAIN)
         diag_set(ret_diag, -errno, "the render thread cannot be heard: %s", strerror(errno));
     enum render_state state = (enum render_state)atomic_load(&thread->state);
-    if (state == RENDER_FAILED)
+    if (state == RENDER_FAILED || state == RENDER_LOST)
         *ret_diag = thread->diag;
     return state;
 }
@@ -273,6 +277,11 @@ enum render_state render_thread_state(struct render_thread *thread, struct diag 
 const struct gl_facts *render_thread_gl(const struct render_thread *thread)
 {
     return &thread->gl;
+}
+
+const char *render_thread_note(const struct render_thread *thread)
+{
+    return thread->note;
 }
 
 void render_thread_publish(struct render_thread *thread, const struct render_input *input)

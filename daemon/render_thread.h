@@ -67,13 +67,17 @@ enum render_state {
     RENDER_STARTING,
     RENDER_RUNNING,
     RENDER_FAILED, /* the thread has ended */
+    RENDER_LOST,   /* likewise, because the GPU was reset or ran out of memory: worth another try */
 };
 
-/* Clears the descriptor. Where it has failed `ret_diag` says why. */
+/* Clears the descriptor. Where the thread has ended `ret_diag` says why. */
 enum render_state render_thread_state(struct render_thread *thread, struct diag *ret_diag);
 
 /* Once it runs; does not change. */
 const struct gl_facts *render_thread_gl(const struct render_thread *thread);
+
+/* The same: channel_note(). */
+const char *render_thread_note(const struct render_thread *thread);
 
 /* Event loop. No lock on either side. */
 void render_thread_publish(struct render_thread *thread, const struct render_input *input);

@@ -72,9 +72,9 @@ static void warm_up(struct channel *channel, const struct flight *flight, nsec_t
         channel_draw(channel, &pose, NULL, utc_ns, true, &frame);
 }
 
-static void fly_frames(const struct flight *flight, const struct replay_params *params,
-                       nsec_t utc_ns, struct channel *channel, struct frame_output *output,
-                       struct report *report)
+static int fly_frames(const struct flight *flight, const struct replay_params *params,
+                      nsec_t utc_ns, struct channel *channel, struct frame_output *output,
+                      struct report *report, struct diag *diag)
 {
     uint64_t frames = frame_count(flight, params);
     nsec_t start_ns = clock_monotonic_ns();
@@ -90,6 +90,9 @@ static void fly_frames(const struct flight *flight, const struct replay_params *
         flight_sample(flight, time_ns, &pose);
         flight_sample(flight, flight_time_ns(params, i + 1), &next);
         channel_draw(channel, &pose, &next, utc_ns + time_ns, params->speed <= 0.0, &frame);
+        if (frame.renderer.failed)
+            return diag_set(diag, -ENODEV, "%s, at frame %llu", CHANNEL_LOST,
+                            (unsigned long long)i);
         record_frame(report, params, seconds_from_ns(time_ns), channel, &frame);
         if (output) {
             frame_output_take(output, channel_renderer(channel), i, &frame.view);
@@ -98,6 +101,7 @@ static void fly_frames(const struct flight *flight, const struct replay_params *
         }
         show_progress(params, i, frames);
     }
+    return 0;
 }
 
 static void count_poses(const struct flight *flight, struct report *report)
@@ -143,8 +147,10 @@ int replay_fly(const struct flight *flight, const struct replay_params *params,
     }
     static struct gl_facts gl; /* outlives the channel, for the report */
     gl = *channel_gl(channel);
-    fly_frames(flight, params, params->utc_ns ? params->utc_ns : replay_utc_ns(flight), channel,
-               output, ret_report);
+    if (channel_note(channel)[0])
+        fprintf(stderr, "otwd: %s\n", channel_note(channel));
+    int flown = fly_frames(flight, params, params->utc_ns ? params->utc_ns : replay_utc_ns(flight),
+                           channel, output, ret_report, diag);
     *ret_facts = (struct report_facts){.width = files.width,
                                        .height = files.height,
                                        .rate_hz = params->rate_hz,
@@ -155,8 +161,9 @@ int replay_fly(const struct flight *flight, const struct replay_params *params,
                                        .report_every = files.report_every};
     renderer_loader_counts(channel_renderer(channel), &ret_facts->loader);
     renderer_image_counts(channel_renderer(channel), &ret_facts->images);
-    r = output_error(frame_output_close(output, diag));
+    r = output_error(frame_output_close(output, flown < 0 ? NULL : diag));
     channel_destroy(channel);
+    r = flown < 0 ? flown : r;
     if (r == 0 && params->report_dir)
         r = output_error(report_write(ret_report, ret_facts, params->report_dir, diag));
     return r;

@@ -9,14 +9,9 @@
 #include <sysexits.h>
 #include <unistd.h>
 
-#include "daemon/config_channel.h"
 #include "daemon/terrain_setup.h"
 
 #define TICK_NS (NSEC_PER_SEC / 20)
-
-#define START_LAT_DEG  47.0
-#define START_LON_DEG  8.0
-#define START_HEIGHT_M 3000.0 /* above the ground */
 
 void service_publish(struct service *service)
 {
@@ -58,23 +53,6 @@ static int on_signal(sd_event_source *event, const struct signalfd_siginfo *info
     return sd_event_exit(service->loop, 0);
 }
 
-static int on_render(sd_event_source *event, int fd, uint32_t revents, void *data)
-{
-    struct service *service = data;
-    struct diag diag = {0};
-    enum render_state state = render_thread_state(service->render, &diag);
-    if (state == RENDER_FAILED) {
-        service_fail(service, FAULT_RENDERER_FAILED, diag.text);
-    } else if (state == RENDER_RUNNING && !service->rendering) {
-        const struct gl_facts *gl = render_thread_gl(service->render);
-        service->rendering = true;
-        log_info("drawing with OpenGL %s on %s", gl->version, gl->renderer);
-        service_set_fault(service, FAULT_SOFTWARE_RENDERER, gl->software,
-                          "no GPU is in use: the frames are drawn by the CPU");
-    }
-    return 0;
-}
-
 static int on_tick(sd_event_source *event, uint64_t usec, void *data)
 {
     struct service *service = data;
@@ -107,71 +85,6 @@ static int make_loop(struct service *service, struct diag *diag)
     return r < 0 ? diag_set(diag, r, "no event loop: %s", strerror(-r)) : 0;
 }
 
-/* Above the middle of the database, or above the Alps. */
-static void start_pose(struct terrain_source *source, bool planet, struct pose *ret_pose)
-{
-    struct geodetic at = {START_LAT_DEG, START_LON_DEG, 0.0};
-    double ground_m = NAN;
-    if (!planet) {
-        struct terrain_facts facts;
-        source->ops->facts(source, &facts);
-        at.lat_deg = (facts.south_deg + facts.north_deg) / 2.0;
-        at.lon_deg = longitude_normalised_deg((facts.west_deg + facts.east_deg) / 2.0);
-    }
-    source->ops->sample_point(source, at.lat_deg, at.lon_deg, &ground_m);
-    at.height_m = START_HEIGHT_M + (isnan(ground_m) ? 0.0 : ground_m);
-    *ret_pose = (struct pose){.valid = POSE_POSITION | POSE_ATTITUDE, .position = at};
-}
-
-/* Looks whether the database can be opened at all; where it cannot, the planet takes its place. */
-static int choose_terrain(struct service *service, struct channel_params *channel,
-                          struct pose *ret_start, struct diag *diag)
-{
-    struct terrain_setup terrain;
-    struct diag why;
-    int r = terrain_setup_open(channel->terrain_path, "none", channel->cache_mib, &terrain, &why);
-    if (r < 0 && channel->terrain_path[0]) {
-        service_set_fault(service, FAULT_TERRAIN_MISSING, true, why.text);
-        channel->terrain_path = "";
-        r = terrain_setup_open("", "none", channel->cache_mib, &terrain, &why);
-    }
-    if (r < 0)
-        return diag_set(diag, r, "%s", why.text);
-    start_pose(terrain.source, !channel->terrain_path[0], ret_start);
-    terrain_setup_close(&terrain);
-    return 0;
-}
-
-/* Xlib ends the process with exit(1) when its server goes away; systemd and the crew shall see our
- * own status and sentence. */
-static bool window_guarded;
-
-static void on_exit_with_window(void)
-{
-    if (!window_guarded)
-        return;
-    log_fault(FAULT_WINDOW_LOST, NULL, "the display server went away");
-    _exit(EX_UNAVAILABLE);
-}
-
-static int open_window(struct service *service, struct diag *diag)
-{
-    const struct config_display *display = &service->config.display;
-    const struct window_params params = {.title = service->config.channel.name,
-                                         .width = (int)display->width,
-                                         .height = (int)display->height,
-                                         .monitor = display->monitor,
-                                         .fullscreen = display->fullscreen};
-    if (display->backend != CONFIG_BACKEND_WINDOW)
-        return 0;
-    int r = window_create(&params, &service->window, diag);
-    if (r == 0) {
-        window_guarded = true;
-        atexit(on_exit_with_window);
-    }
-    return r;
-}
-
 static void open_recorder(struct service *service)
 {
     const struct config_record *record = &service->config.record;
@@ -184,39 +97,6 @@ static void open_recorder(struct service *service)
     int r = recorder_open(&params, &service->recorder, &diag);
     service->health.recorder_good = r == 0;
     service_set_fault(service, FAULT_RECORDER_FAILED, r < 0, diag.text);
-}
-
-static int start_render(struct service *service, struct diag *diag)
-{
-    const struct config *config = &service->config;
-    struct render_params params = {.rate_hz = config->display.rate_hz,
-                                   .pixel_error_most = config->terrain.pixel_error_most,
-                                   .notify = &service->notify};
-    params.channel.window = service->window;
-    config_to_channel(config, &params.channel);
-    if (service->recorder)
-        params.snapshot_directory = config->record.directory;
-    struct pose start;
-    int r = choose_terrain(service, &params.channel, &start, diag);
-    if (r < 0)
-        return r;
-    service_open_dig(service, params.channel.terrain_path);
-    if (service->dig)
-        params.channel.dig = dig_thread_ground(service->dig);
-    service->follow_clock = config->environment.time_utc_ns == 0;
-    service->input = (struct render_input){
-        .pose = start,
-        .policy = config_pose_policy(config),
-        .visibility_m = config->environment.visibility_m,
-        .utc_offset_ns = config->environment.time_utc_ns - clock_monotonic_ns(),
-    };
-    service_publish(service); /* the offset of the system clock */
-    params.first = service->input;
-    r = render_thread_start(&params, &service->render, diag);
-    if (r == 0 && sd_event_add_io(service->loop, NULL, render_thread_fd(service->render), EPOLLIN,
-                                  on_render, service) < 0)
-        r = diag_set(diag, -EIO, "the event loop does not take the render thread");
-    return r;
 }
 
 static int refuse(enum fault_code code, int status, const struct diag *diag)
@@ -235,10 +115,10 @@ static int open_parts(struct service *service)
     }
     if (geoid_setup_open(service->config.terrain.geoid, &service->geoid, &diag) < 0)
         return refuse(FAULT_GEOID_MISSING, EX_NOINPUT, &diag);
-    if (open_window(service, &diag) < 0)
+    if (service_open_window(service, &diag) < 0)
         return refuse(FAULT_WINDOW_LOST, EX_UNAVAILABLE, &diag);
     open_recorder(service);
-    if (start_render(service, &diag) < 0)
+    if (service_start_render(service, &diag) < 0)
         return refuse(FAULT_RENDERER_FAILED, EX_UNAVAILABLE, &diag);
     sources_init(service);
     return EX_OK;
@@ -279,17 +159,14 @@ int service_run(struct service *service)
 
 void service_destroy(struct service *service)
 {
-    struct diag diag;
     if (!service)
         return;
     sources_close(service);
-    if (render_thread_stop(service->render, &diag) < 0)
-        log_error("a snapshot was not written: %s", diag.text);
+    service_stop_render(service);
     dig_thread_stop(service->dig); /* nobody draws its ground any more */
     service_modbus_close(service);
     recorder_close(service->recorder);
-    window_guarded = false;
-    window_destroy(service->window);
+    service_close_window(service);
     geoid_close(service->geoid);
     sd_event_unref(service->loop);
     config_finish(&service->config);

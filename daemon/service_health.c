@@ -4,10 +4,9 @@
 #include <stdio.h>
 #include <unistd.h>
 
-#define BEHIND_NS (5 * NSEC_PER_SEC)
-#define HOLD_NS                                                                                    \
-    (5 * NSEC_PER_SEC) /* how long a read error or a dropped record counts as a fault              \
-                        */
+#define BEHIND_NS  (5 * NSEC_PER_SEC)
+#define REBUILD_NS (30 * NSEC_PER_SEC) /* that making the renderer anew may take */
+#define HOLD_NS    (5 * NSEC_PER_SEC)  /* that a fault of a moment stays, so that it is seen */
 
 /* Resident memory of this process; 0 where the kernel does not say. */
 static unsigned resident_mib(void)
@@ -39,6 +38,18 @@ static void terrain_faults(struct service *service, nsec_t now_ns)
              "the terrain is drawn to within %.1f pixels, for want of time",
              collect->newest.pixel_error);
     service_set_fault(service, FAULT_DETAIL_REDUCED, collect->newest.reduced, sentence);
+}
+
+/* While the renderer is made anew no frame can feed the watchdog. */
+static void renderer_faults(struct service *service, nsec_t now_ns)
+{
+    bool absent = service->collect.newest.frame == 0;
+    if (!fault_is_active(&service->faults, FAULT_RENDERER_LOST))
+        return;
+    if (absent && now_ns - service->lost_ns < REBUILD_NS)
+        notify_beat(&service->notify);
+    else if (!absent && now_ns - service->lost_ns > HOLD_NS)
+        service_set_fault(service, FAULT_RENDERER_LOST, false, "");
 }
 
 static void recorder_faults(struct service *service, nsec_t now_ns)
@@ -146,6 +157,7 @@ void health_tick(struct service *service, nsec_t now_ns)
 {
     take_samples(service, now_ns);
     terrain_faults(service, now_ns);
+    renderer_faults(service, now_ns);
     recorder_faults(service, now_ns);
     health_publish(service, now_ns);
     notify_tick(&service->notify, now_ns);

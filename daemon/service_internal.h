@@ -58,6 +58,10 @@ struct service {
     bool has_pose;
 
     struct render_thread *render;
+    struct render_params render_params; /* what it was started with, for starting it anew */
+    sd_event_source *render_event;
+    unsigned rebuilds;         /* how often the GPU was lost */
+    nsec_t lost_ns;            /* when it last was; 0 = never */
     struct render_input input; /* as published last */
     bool rendering;            /* its channel runs */
     struct dig_thread *dig;    /* NULL where nobody may dig, or nobody can */
@@ -86,6 +90,13 @@ void service_fail(struct service *service, enum fault_code code, const char *sen
 /* Raises or clears, and logs where that changes anything. `sentence` is for raising. */
 void service_set_fault(struct service *service, enum fault_code code, bool active,
                        const char *sentence);
+
+/* service_render.c */
+int service_open_window(struct service *service, struct diag *diag);
+void service_close_window(struct service *service);
+/* Chooses the terrain and starts the thread that draws. */
+int service_start_render(struct service *service, struct diag *diag);
+void service_stop_render(struct service *service);
 
 /* service_sources.c */
 void sources_init(struct service *service);

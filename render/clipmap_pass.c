@@ -180,6 +180,15 @@ static int create_programs(struct clipmap_pass *pass, struct diag *diag)
     return r;
 }
 
+int clipmap_pass_mib(const struct clipmap_shape *shape)
+{
+    double side = clipmap_storage(shape), table = clipmap_table(shape);
+    double texels = side * side * sizeof(struct loader_height) +
+                    4.0 * side * side * sizeof(struct loader_surface) +
+                    table * table * 2.0 * sizeof(float);
+    return (int)ceil(texels * shape->levels * CLIPMAP_PANES / 1048576.0);
+}
+
 int clipmap_pass_create(const struct clipmap_shape *shape, const struct gl_facts *facts,
                         struct clipmap_pass **ret_pass, struct diag *diag)
 {
@@ -205,6 +214,11 @@ int clipmap_pass_create(const struct clipmap_shape *shape, const struct gl_facts
     pass->bounds = create_array(shape, clipmap_table(shape), GL_RGBA32F, GL_NEAREST);
     pass->ground = ground_texture_create(facts->software);
     create_vertex_array(pass);
+    if (glGetError() == GL_OUT_OF_MEMORY) {
+        clipmap_pass_destroy(pass);
+        return diag_set(diag, -ENOMEM, "no GPU memory for a clipmap of %d MiB",
+                        clipmap_pass_mib(shape));
+    }
     *ret_pass = pass;
     return 0;
 }

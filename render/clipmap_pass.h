@@ -11,6 +11,10 @@
 
 struct clipmap_pass;
 
+/* What its textures take of the GPU's memory, MiB. */
+int clipmap_pass_mib(const struct clipmap_shape *shape);
+
+/* -ENOMEM where the GPU has not that much memory left. */
 int clipmap_pass_create(const struct clipmap_shape *shape, const struct gl_facts *facts,
                         struct clipmap_pass **ret_pass, struct diag *diag);
 /* Legal on NULL. */

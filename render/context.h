@@ -31,5 +31,6 @@ void gl_context_destroy(struct gl_context *context);
  * tessellation to 64 segments. Also installs the KHR_debug callback where OTWD_GL_DEBUG is set. */
 int gl_facts_gather(struct gl_facts *ret_facts, struct diag *diag);
 
-/* GPU memory in use now by all programs, MiB; 0 where the driver does not say. */
+/* GPU memory that is free now, and in use by all programs, MiB; 0 where the driver does not say. */
+int gl_memory_free_mib(void);
 int gl_memory_used_mib(const struct gl_facts *facts);

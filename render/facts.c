@@ -6,8 +6,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define NVX_MEMORY_TOTAL     0x9048 /* GL_NVX_gpu_memory_info, kB */
-#define NVX_MEMORY_AVAILABLE 0x9049
+#define NVX_MEMORY_TOTAL        0x9048 /* GL_NVX_gpu_memory_info, kB */
+#define NVX_MEMORY_AVAILABLE    0x9049
+#define ATI_TEXTURE_FREE_MEMORY 0x87fc /* GL_ATI_meminfo, kB */
 
 static void copy_string(char *to, size_t size, GLenum name)
 {
@@ -55,11 +56,19 @@ int gl_facts_gather(struct gl_facts *ret_facts, struct diag *diag)
     return 0;
 }
 
+/* ATI_meminfo answers with the pool's free memory, its largest block, and the same of a second
+ * pool. */
+int gl_memory_free_mib(void)
+{
+    GLint free_kib[4] = {0};
+    if (epoxy_has_gl_extension("GL_NVX_gpu_memory_info"))
+        glGetIntegerv(NVX_MEMORY_AVAILABLE, free_kib);
+    else if (epoxy_has_gl_extension("GL_ATI_meminfo"))
+        glGetIntegerv(ATI_TEXTURE_FREE_MEMORY, free_kib);
+    return free_kib[0] / 1024;
+}
+
 int gl_memory_used_mib(const struct gl_facts *facts)
 {
-    if (facts->memory_total_mib == 0)
-        return 0;
-    GLint available_kib = 0;
-    glGetIntegerv(NVX_MEMORY_AVAILABLE, &available_kib);
-    return facts->memory_total_mib - available_kib / 1024;
+    return facts->memory_total_mib == 0 ? 0 : facts->memory_total_mib - gl_memory_free_mib();
 }

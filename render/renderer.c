@@ -23,6 +23,10 @@
 #define POSTS_MOST   224.0
 #define BLOCKS_LEAST 6.8 /* that a level has to reach for the next finer one to reach as far */
 #define SHADE_GROUP  8   /* pixels a side of a work group of shade_compute.comp */
+#define NEAR_GROUND_M                                                                              \
+    1000.0 /* ground that is known so far from the eye counts as the ground below it */
+#define EARTH_M      6371e3
+#define MEMORY_SHARE 0.75 /* of the GPU's free memory that the clipmap may take */
 
 /* Where a frame's time is marked: pass p lies between marks p and p + 1. */
 enum pass { PASS_UPLOAD, PASS_TERRAIN, PASS_SHADE, PASSES, PASS_MARKS = PASSES + 1 };
@@ -65,6 +69,24 @@ struct clipmap_shape renderer_shape(const struct terrain_facts *facts, double pi
     return clipmap_shape(radius, block, facts->finest_lat_step_deg);
 }
 
+/* The clipmap that was asked for, or the largest that there is memory for. */
+static int create_clipmap(struct renderer *renderer, const struct gl_facts *facts,
+                          struct diag *diag)
+{
+    int free_mib = gl_memory_free_mib(), r;
+    for (;;) {
+        int mib = clipmap_pass_mib(&renderer->shape);
+        if (free_mib > 0 && mib > MEMORY_SHARE * free_mib)
+            r = diag_set(diag, -ENOMEM, "a clipmap of %d MiB is too much for %d MiB of GPU memory",
+                         mib, free_mib);
+        else
+            r = clipmap_pass_create(&renderer->shape, facts, &renderer->clipmap, diag);
+        if (r != -ENOMEM || renderer->shape.radius <= CLIPMAP_LEAST_RADIUS)
+            return r;
+        renderer->shape = clipmap_halved(&renderer->shape);
+    }
+}
+
 static int create_framebuffers(struct renderer *renderer, struct diag *diag)
 {
     int width = renderer->width, height = renderer->height;
@@ -85,6 +107,8 @@ static int create_framebuffers(struct renderer *renderer, struct diag *diag)
     glCreateFramebuffers(1, &renderer->framebuffer);
     glNamedFramebufferTexture(renderer->framebuffer, GL_COLOR_ATTACHMENT0, renderer->colour, 0);
     const GLuint both[] = {renderer->geometry_framebuffer, renderer->framebuffer};
+    if (glGetError() == GL_OUT_OF_MEMORY)
+        return diag_set(diag, -ENOMEM, "no GPU memory for frames of %d x %d pixels", width, height);
     for (int i = 0; i < 2; i++)
         if (glCheckNamedFramebufferStatus(both[i], GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE)
             return diag_set(diag, -EIO, "the GPU refuses a framebuffer of %d x %d pixels", width,
@@ -140,7 +164,7 @@ static int create_shading(struct renderer *renderer, const struct gl_facts *fact
 static int create_loaders(struct renderer *renderer, const struct renderer_params *params,
                           struct diag *diag)
 {
-    struct loader_params loader = {.shape = params->shape,
+    struct loader_params loader = {.shape = renderer->shape,
                                    .source = params->source,
                                    .fallback = params->fallback,
                                    .geoid = params->geoid};
@@ -170,7 +194,7 @@ int renderer_create(const struct renderer_params *params, const struct gl_facts 
     renderer->shape = params->shape;
     renderer->shade_in_compute = !facts->software;
     renderer->debug_groups = facts->debug;
-    int r = clipmap_pass_create(&params->shape, facts, &renderer->clipmap, diag);
+    int r = create_clipmap(renderer, facts, diag);
     if (r == 0)
         r = create_framebuffers(renderer, diag);
     if (r == 0)
@@ -220,6 +244,18 @@ void renderer_destroy(struct renderer *renderer)
 static double height_above_ground_m(const struct renderer *renderer, const struct geodetic *eye)
 {
     return eye->height_m - (double)renderer->ground.ground_m;
+}
+
+/* Nothing is seen from below the ground. After a jump its height there is not known for a while. */
+static void lift_eye(const struct renderer *renderer, struct view *view)
+{
+    double normal[3], known[3];
+    if (!renderer->has_ground)
+        return;
+    cube_normal_from_geodetic(view->eye.lat_deg, view->eye.lon_deg, normal);
+    cube_normal_from_geodetic(renderer->ground.lat_deg, renderer->ground.lon_deg, known);
+    if (cube_chord(normal, known) * EARTH_M < NEAR_GROUND_M)
+        view_lift(view, (double)renderer->ground.ground_m);
 }
 
 static int finest_wanted(const struct renderer *renderer, const struct geodetic *eye)
@@ -339,6 +375,7 @@ static bool prepare_frame(struct renderer *renderer, struct view *view)
     renderer->frame.upload_bytes = apply_updates(renderer);
     renderer->frame.complete = is_complete(renderer, &view->eye);
     renderer->frame.height_above_terrain_m = height_above_ground_m(renderer, &view->eye);
+    lift_eye(renderer, view);
     view->undulation_m = (double)renderer->ground.undulation_m;
     renderer->frame.undulation_m = view->undulation_m;
     struct scene_detail detail = detail_of(renderer, view);
@@ -416,7 +453,7 @@ static double pass_ms(const GLuint64 *marks_ns, enum pass pass)
  * but the driver allocates one for every frame.) */
 void renderer_finish(struct renderer *renderer, struct renderer_frame *ret_frame)
 {
-    GLuint64 elapsed_ns = 0, marks_ns[PASS_MARKS], triangles = 0;
+    GLuint64 elapsed_ns = 0, marks_ns[PASS_MARKS] = {0}, triangles = 0;
     glGetQueryObjectui64v(renderer->time_query, GL_QUERY_RESULT, &elapsed_ns);
     for (int i = PASSES; i >= 0; i--)
         glGetQueryObjectui64v(renderer->pass_queries[i], GL_QUERY_RESULT, &marks_ns[i]);
@@ -456,6 +493,11 @@ void renderer_redraw_with(struct renderer *renderer, void (*draw)(void *user), v
     glClear(GL_DEPTH_BUFFER_BIT);
     draw(user);
     shade(renderer);
+}
+
+int renderer_radius(const struct renderer *renderer)
+{
+    return renderer->shape.radius;
 }
 
 unsigned renderer_framebuffer(const struct renderer *renderer)

@@ -47,12 +47,18 @@ struct renderer;
 struct clipmap_shape renderer_shape(const struct terrain_facts *facts, double pixel_rad,
                                     double pixel_error, bool software);
 
+/* Where the GPU has not enough memory for the shape, the next smaller one that it has is drawn
+ * (clipmap_halved). -ENOMEM where it has not even enough for the least. */
 int renderer_create(const struct renderer_params *params, const struct gl_facts *facts,
                     struct renderer **ret_renderer, struct diag *diag);
 void renderer_destroy(struct renderer *renderer);
 
 /* From the next frame on. Takes effect at once up to what the clipmap's radius allows. */
 void renderer_set_pixel_error(struct renderer *renderer, double pixel_error);
+
+/* The radius of the clipmap that is drawn: less than that of the shape asked for where memory was
+ * short. */
+int renderer_radius(const struct renderer *renderer);
 
 /* Tells the loader where the eye will be. May be called ahead of the frame. `patient`: terrain is
  * awaited rather than shown coarser while it is read. */
@@ -62,7 +68,8 @@ void renderer_wish(struct renderer *renderer, const struct geodetic *eye, bool p
 void renderer_wait(struct renderer *renderer);
 
 /* Draws a frame and returns without waiting for the GPU. The view's undulation is set from the
- * loader. */
+ * loader, and its eye is lifted where it would look from beneath the ground (view_lift): the view
+ * is then what is drawn. The frame's height_above_terrain_m is that of the eye as it was. */
 void renderer_draw(struct renderer *renderer, struct view *view);
 
 /* Waits until the frame is finished and says what it cost. */

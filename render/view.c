@@ -1,10 +1,42 @@
 #include "render/view.h"
 
+#include <errno.h>
 #include <math.h>
 #include <string.h>
 
 #include "geo/frames.h"
 #include "geo/geographic.h"
+
+static bool are_finite(const double *values, size_t count)
+{
+    for (size_t i = 0; i < count; i++)
+        if (!isfinite(values[i]))
+            return false;
+    return true;
+}
+
+/* Comparisons with NaN are false. */
+static bool is_angle_of_view(double from_deg, double to_deg)
+{
+    return from_deg >= -VIEW_EDGE_MOST_DEG && to_deg <= VIEW_EDGE_MOST_DEG &&
+           to_deg - from_deg >= VIEW_NARROWEST_DEG;
+}
+
+int channel_geometry_check(const struct channel_geometry *geometry, struct diag *diag)
+{
+    const struct channel_geometry *g = geometry;
+    const double direction_deg[] = {g->yaw_deg, g->pitch_deg, g->roll_deg};
+    if (!are_finite(g->offset_m, 3) || !are_finite(direction_deg, 3))
+        return diag_set(diag, -EINVAL, "the place of the eye in the aircraft is not finite");
+    if (!is_angle_of_view(g->left_deg, g->right_deg) ||
+        !is_angle_of_view(g->bottom_deg, g->top_deg))
+        return diag_set(diag, -EINVAL,
+                        "a field of view from %g to %g and %g to %g degrees cannot be drawn; edges "
+                        "lie between -%g and %g and are at least %g apart",
+                        g->left_deg, g->right_deg, g->bottom_deg, g->top_deg, VIEW_EDGE_MOST_DEG,
+                        VIEW_EDGE_MOST_DEG, VIEW_NARROWEST_DEG);
+    return 0;
+}
 
 static void multiply(const double a[3][3], const double b[3][3], double ret[3][3])
 {
@@ -47,6 +79,8 @@ void view_from_pose(const struct pose *pose, const struct channel_geometry *geom
     view.tan_right = tan(geometry->right_deg * M_PI / 180.0);
     view.tan_bottom = tan(geometry->bottom_deg * M_PI / 180.0);
     view.tan_top = tan(geometry->top_deg * M_PI / 180.0);
+    if (!isnan(view.eye.height_m))
+        view.eye.height_m = fmin(fmax(view.eye.height_m, VIEW_LOWEST_M), VIEW_HIGHEST_M);
     *ret_view = view;
 }
 
@@ -73,4 +107,20 @@ void view_unproject(const struct view *view, int width, int height, const double
     double y = view->tan_bottom + (view->tan_top - view->tan_bottom) * px[1] / height;
     const double eye_m[3] = {x * along_m, y * along_m, -along_m};
     frames_rotate(view->enu_from_eye, eye_m, ret_enu_m);
+}
+
+bool view_is_sane(const struct view *view)
+{
+    const double tangents[] = {view->tan_left, view->tan_right, view->tan_bottom, view->tan_top};
+    const struct geodetic *eye = &view->eye;
+    return fabs(eye->lat_deg) <= 90.0 && fabs(eye->lon_deg) <= 360.0 && isfinite(eye->height_m) &&
+           are_finite(view->enu_from_eye[0], 9) && are_finite(tangents, 4);
+}
+
+void view_lift(struct view *view, double ground_m)
+{
+    double x = fmax(fabs(view->tan_left), fabs(view->tan_right));
+    double y = fmax(fabs(view->tan_bottom), fabs(view->tan_top));
+    double corner_m = view->near_m * sqrt(1.0 + x * x + y * y);
+    view->eye.height_m = fmax(view->eye.height_m, ground_m + corner_m);
 }

@@ -3,6 +3,7 @@
 
 #include <stdbool.h>
 
+#include "base/diag.h"
 #include "geo/pose.h"
 
 struct view {
@@ -23,8 +24,22 @@ struct channel_geometry {
     double left_deg, right_deg, bottom_deg, top_deg;
 };
 
+/* A frustum whose edges are farther from the view direction than this, or nearer to each other, is
+ * none: at 90 degrees a picture would be infinite. */
+#define VIEW_EDGE_MOST_DEG 85.0
+#define VIEW_NARROWEST_DEG 0.1
+
+/* Heights above the ellipsoid beyond which no eye is taken: below all ground, and above what the
+ * clipmap holds of the Earth. */
+#define VIEW_LOWEST_M  -12e3
+#define VIEW_HIGHEST_M 600e3
+
+/* -EINVAL with a sentence where one of its numbers is not finite, or the frustum is none. */
+int channel_geometry_check(const struct channel_geometry *geometry, struct diag *diag);
+
 /* The view from an aircraft at `pose`: eyepoint, axes and frustum; near, air, sun and undulation
- * are left to the caller. */
+ * are left to the caller. An eye beyond VIEW_LOWEST_M or VIEW_HIGHEST_M
+ * is brought there. */
 void view_from_pose(const struct pose *pose, const struct channel_geometry *geometry,
                     struct view *ret_view);
 
@@ -36,3 +51,11 @@ bool view_project(const struct view *view, int width, int height, const double e
 /* The place that is seen there, `depth` (near over distance along the view) being above 0. */
 void view_unproject(const struct view *view, int width, int height, const double px[2],
                     double depth, double ret_enu_m[3]);
+
+/* Whether there is anything to be seen from there: all that view_from_pose() sets is finite, and
+ * the eye has a place on the Earth. */
+bool view_is_sane(const struct view *view);
+
+/* Lifts an eye that is so near the ground below it, or so deep in it, that the near plane cuts into
+ * level ground: from beneath, land is a hole. */
+void view_lift(struct view *view, double ground_m);

@@ -27,7 +27,8 @@ void window_make_current(struct window *window);
 void window_release(struct window *window);
 
 /* Copies the framebuffer object's colour into the window, 1:1 from the lower left where the sizes
- * are equal and scaled where they are not, and swaps. */
+ * are equal and scaled where they are not, and swaps. Of a window that is minimised or has no size
+ * there is nothing to show: it returns at once. */
 void window_show(struct window *window, unsigned framebuffer);
 
 /* Handles pending window events; true once the user has closed it. Main thread. */

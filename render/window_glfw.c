@@ -4,6 +4,7 @@
 #define GLFW_INCLUDE_NONE
 #include <errno.h>
 #include <GLFW/glfw3.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -11,6 +12,9 @@
 struct window {
     GLFWwindow *glfw;
     int width, height; /* of the frames */
+    /* Of what is seen of them, 0 while the window is minimised. Written by the main thread. */
+    _Atomic int shown_width, shown_height;
+    atomic_bool minimised;
 };
 
 static char last_error[256];
@@ -18,6 +22,30 @@ static char last_error[256];
 static void keep_error(int code, const char *text)
 {
     snprintf(last_error, sizeof(last_error), "%s (GLFW %#x)", text, (unsigned)code);
+}
+
+static void on_size(GLFWwindow *glfw, int width, int height)
+{
+    struct window *window = glfwGetWindowUserPointer(glfw);
+    atomic_store(&window->shown_width, width);
+    atomic_store(&window->shown_height, height);
+}
+
+static void on_minimise(GLFWwindow *glfw, int minimised)
+{
+    struct window *window = glfwGetWindowUserPointer(glfw);
+    atomic_store(&window->minimised, minimised);
+}
+
+/* So that the thread that draws need not ask, which belongs to the main thread. */
+static void watch_size(struct window *window)
+{
+    int width, height;
+    glfwSetWindowUserPointer(window->glfw, window);
+    glfwSetFramebufferSizeCallback(window->glfw, on_size);
+    glfwSetWindowIconifyCallback(window->glfw, on_minimise);
+    glfwGetFramebufferSize(window->glfw, &width, &height);
+    on_size(window->glfw, width, height);
 }
 
 static int find_monitor(const struct window_params *params, GLFWmonitor **ret_monitor,
@@ -53,6 +81,7 @@ int window_create(const struct window_params *params, struct window **ret_window
         glfwWindowHint(GLFW_CONTEXT_VERSION_MAJOR, 4);
         glfwWindowHint(GLFW_CONTEXT_VERSION_MINOR, 5);
         glfwWindowHint(GLFW_OPENGL_PROFILE, GLFW_OPENGL_CORE_PROFILE);
+        glfwWindowHint(GLFW_CONTEXT_ROBUSTNESS, GLFW_LOSE_CONTEXT_ON_RESET);
         glfwWindowHint(GLFW_RESIZABLE, GLFW_FALSE);
         glfwWindowHint(GLFW_DEPTH_BITS, 0);
         glfwWindowHint(GLFW_STENCIL_BITS, 0);
@@ -68,6 +97,7 @@ int window_create(const struct window_params *params, struct window **ret_window
         glfwTerminate();
         return r;
     }
+    watch_size(window);
     *ret_window = window;
     return 0;
 }
@@ -95,8 +125,9 @@ void window_release(struct window *window)
 
 void window_show(struct window *window, unsigned framebuffer)
 {
-    int width, height;
-    glfwGetFramebufferSize(window->glfw, &width, &height);
+    int width = atomic_load(&window->shown_width), height = atomic_load(&window->shown_height);
+    if (width <= 0 || height <= 0 || atomic_load(&window->minimised))
+        return;
     bool same = width == window->width && height == window->height;
     glBlitNamedFramebuffer(framebuffer, 0, 0, 0, window->width, window->height, 0, 0, width, height,
                            GL_COLOR_BUFFER_BIT, same ? GL_NEAREST : GL_LINEAR);

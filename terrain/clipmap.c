@@ -26,6 +26,19 @@ struct clipmap_shape clipmap_shape(int radius, int block, double finest_step_deg
     return shape;
 }
 
+struct clipmap_shape clipmap_halved(const struct clipmap_shape *shape)
+{
+    struct clipmap_shape half = *shape;
+    half.radius /= 2;
+    if (8 * half.block > half.radius)
+        half.block = half.radius / 8;
+    if (half.levels < CLIPMAP_MAX_LEVELS)
+        half.levels++;
+    else
+        half.depth--;
+    return half;
+}
+
 double clipmap_step_rad(const struct clipmap_shape *shape, int level)
 {
     return ldexp(M_PI / 2.0, level - shape->depth);

@@ -18,8 +18,8 @@
 #define CLIPMAP_BEYOND     2 /* posts that are held beyond the edges of a face, for slopes there */
 
 struct clipmap_shape {
-    int radius; /* posts from the eye to where a level ends: at least 32, and at least 8 blocks; a
-                   power of two */
+    int radius; /* posts from the eye to where a level ends: at least CLIPMAP_LEAST_RADIUS, and at
+                   least 8 blocks; a power of two */
     int block;  /* cells along an edge of a block: a power of two */
     int levels; /* 1 .. CLIPMAP_MAX_LEVELS */
     int depth;  /* the coarsest level has 4 * radius cells along a face: clipmap_depth(); at most 26
@@ -29,6 +29,11 @@ struct clipmap_shape {
 /* As fine as a source's posts (degrees of latitude), at least 1.6 m; levels up to the one that has
  * 4 * radius cells along a face: it can be held as far as the horizon of an eye at 400 km. */
 struct clipmap_shape clipmap_shape(int radius, int block, double finest_step_deg);
+
+/* The same ground with half the radius, which takes a quarter of the memory: as fine near the eye,
+ * coarser from there on. Of a radius of at least twice CLIPMAP_LEAST_RADIUS. */
+#define CLIPMAP_LEAST_RADIUS 32
+struct clipmap_shape clipmap_halved(const struct clipmap_shape *shape);
 
 /* The side of a pane's toroidal storage in posts: post (row, col) lies at (row & mask, col & mask).
  */

@@ -94,9 +94,10 @@ void loader_wish(struct loader *loader, const struct geodetic *eye, int finest, 
 
 /* The ground at the eye of a wish. */
 struct loader_ground {
-    double nearest_m;   /* from the eye; 0 where it is below the ground */
-    float ground_m;     /* ellipsoidal height of the ground below the eye */
-    float undulation_m; /* of the geoid there */
+    double lat_deg, lon_deg; /* where that is */
+    double nearest_m;        /* from the eye; 0 where it is below the ground */
+    float ground_m;          /* ellipsoidal height of the ground below the eye */
+    float undulation_m;      /* of the geoid there */
 };
 
 /* That of the newest wish that was answered; false where there is none that is newer than the last

@@ -279,7 +279,7 @@ static void add_part(struct window_filler *filler, const struct filler_part *par
 struct loader_ground window_filler_ground(struct window_filler *filler, const struct geodetic *eye)
 {
     double altitude_m = NAN;
-    struct loader_ground ground = {0};
+    struct loader_ground ground = {.lat_deg = eye->lat_deg, .lon_deg = eye->lon_deg};
     filler->source->ops->sample_point(filler->source, eye->lat_deg, eye->lon_deg, &altitude_m);
     if (isnan(altitude_m) && filler->fallback)
         filler->fallback->ops->sample_point(filler->fallback, eye->lat_deg, eye->lon_deg,

@@ -235,9 +235,9 @@ static void impossible_values_are_named_with_their_limits(void)
         {"channel: {frustum: {left_deg: -90}}\n",
          "1:31: channel.frustum.left_deg is -90; it must lie between -85 and 85 degrees"},
         {"channel: {frustum: {left_deg: 20, right_deg: 10}}\n",
-         "1:46: channel.frustum: left_deg 20 must be less than right_deg 10"},
+         "1:46: channel.frustum: left_deg 20 must be less than right_deg 10, by 0.1 at least"},
         {"channel: {frustum: {top_deg: -20}}\n",
-         "1:30: channel.frustum: bottom_deg -17.5 must be less than top_deg -20"},
+         "1:30: channel.frustum: bottom_deg -17.5 must be less than top_deg -20, by 0.1 at least"},
         {"channel: {name: \"a b\"}\n",
          "1:17: channel.name is 'a b'; letters, digits, '_', '-' and '.' make a name"},
         {"terrain: {technique: quadtree}\n",
@@ -305,14 +305,15 @@ static void syntax_errors_have_their_place(void)
 
 static void a_typo_does_not_hide_what_is_wrong_elsewhere(void)
 {
-    CHECK_STRING(complaints("display: {widht: 800, rate_hz: 5000}\n"
-                            "channel: {frustum: {left_deg: 30, right_deg: -30}}\n"
-                            "sources: [{listen: here}]\n"),
-                 "1:11: unknown key 'display.widht'; did you mean 'width'?\n"
-                 "1:32: display.rate_hz is 5000; it must lie between 1 and 1000 Hz\n"
-                 "2:46: channel.frustum: left_deg 30 must be less than right_deg -30\n"
-                 "3:20: sources[0].listen is 'here'; it must be a numeric address and a port, like "
-                 "127.0.0.1:5500 or [::1]:5500");
+    CHECK_STRING(
+        complaints("display: {widht: 800, rate_hz: 5000}\n"
+                   "channel: {frustum: {left_deg: 30, right_deg: -30}}\n"
+                   "sources: [{listen: here}]\n"),
+        "1:11: unknown key 'display.widht'; did you mean 'width'?\n"
+        "1:32: display.rate_hz is 5000; it must lie between 1 and 1000 Hz\n"
+        "2:46: channel.frustum: left_deg 30 must be less than right_deg -30, by 0.1 at least\n"
+        "3:20: sources[0].listen is 'here'; it must be a numeric address and a port, like "
+        "127.0.0.1:5500 or [::1]:5500");
 }
 
 /* A list in a list in a list: libyaml alone takes 20 s to say what is wrong with this. */

@@ -1,6 +1,8 @@
 /* window_pixels TITLE PICTURE.png TOLERANCE DIFFERENCE.png: compares what the X server shows in the
  * window of that title with a picture. Ends with 0 where no colour differs by more than TOLERANCE
- * (of 255), else 1 and writes the difference, sixteen times as strong. */
+ * (of 255), else 1 and writes the difference, sixteen times as strong.
+ *
+ * window_pixels TITLE WIDTH HEIGHT: gives the window that size. */
 #include <png.h>
 #include <stdbool.h>
 #include <stdio.h>
@@ -55,10 +57,27 @@ static int greatest_difference(XImage *shown, const png_image *picture, png_byte
     return greatest;
 }
 
+static int resize(Display *display, Window window, char **size)
+{
+    XResizeWindow(display, window, (unsigned)atoi(size[0]), (unsigned)atoi(size[1]));
+    XCloseDisplay(display);
+    return 0;
+}
+
 int main(int argc, char **argv)
 {
-    if (argc != 5)
+    if (argc != 5 && argc != 4)
         return 64;
+    Display *display = XOpenDisplay(NULL);
+    if (!display)
+        return 69;
+    Window window = find_window(display, DefaultRootWindow(display), argv[1]);
+    if (!window) {
+        fprintf(stderr, "no window is titled \"%s\"\n", argv[1]);
+        return 69;
+    }
+    if (argc == 4)
+        return resize(display, window, argv + 2);
     png_image picture = {.version = PNG_IMAGE_VERSION};
     if (!png_image_begin_read_from_file(&picture, argv[2])) {
         fprintf(stderr, "%s: %s\n", argv[2], picture.message);
@@ -68,14 +87,6 @@ int main(int argc, char **argv)
     png_bytep pixels = malloc(PNG_IMAGE_SIZE(picture));
     if (!pixels || !png_image_finish_read(&picture, NULL, pixels, 0, NULL))
         return 66;
-    Display *display = XOpenDisplay(NULL);
-    if (!display)
-        return 69;
-    Window window = find_window(display, DefaultRootWindow(display), argv[1]);
-    if (!window) {
-        fprintf(stderr, "no window is titled \"%s\"\n", argv[1]);
-        return 69;
-    }
     XImage *shown =
         XGetImage(display, window, 0, 0, picture.width, picture.height, AllPlanes, ZPixmap);
     if (!shown)

@@ -36,6 +36,15 @@ start_daemon window.yaml
 wait_for 5 at_least frames_rendered 10 || fail "no frames in the window"
 "$WINDOW_PIXELS" otwd-test record/frame-*.png 2 difference.png || fail "the window differs"
 
+# The window all but vanishes, and comes back: the frames go on, and are seen again.
+"$WINDOW_PIXELS" otwd-test 1 1 || fail "the window cannot be made small"
+frames=$(field frames_rendered)
+wait_for 10 at_least frames_rendered $((frames + 20)) || fail "no frames while there is no window"
+"$WINDOW_PIXELS" otwd-test 160 90 || fail "the window cannot be made large"
+frames=$(field frames_rendered)
+wait_for 10 at_least frames_rendered $((frames + 10)) || fail "no frames in the window again"
+"$WINDOW_PIXELS" otwd-test record/frame-*.png 2 difference.png || fail "the window came back other"
+
 # The display goes away: status 69, and the log says why.
 kill "$server"
 wait "$server"
