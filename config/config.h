@@ -52,6 +52,7 @@ struct config_display {
     enum config_samples samples;   /* of a pixel */
     char monitor[CONFIG_TEXT_MAX]; /* empty: the primary one */
     bool fullscreen;
+    bool program_cache; /* shaders are kept, compiled, from run to run */
 };
 
 enum config_technique {

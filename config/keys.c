@@ -23,6 +23,7 @@ static const struct config_key keys[] = {
     {"display.samples", "1"},
     {"display.monitor", ""},
     {"display.fullscreen", "false"},
+    {"display.program_cache", "true"},
     {"terrain.database", ""},
     {"terrain.geoid", "egm96"},
     {"terrain.pixel_error", "1.0", 0.1, 100, "pixels"},

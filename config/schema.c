@@ -50,6 +50,7 @@ static const cyaml_schema_field_t display_fields[] = {
                      CYAML_ARRAY_LEN(samples_words)),
     CYAML_FIELD_STRING("monitor", OPTIONAL, struct config_display, monitor, 0),
     CYAML_FIELD_BOOL("fullscreen", OPTIONAL, struct config_display, fullscreen),
+    CYAML_FIELD_BOOL("program_cache", OPTIONAL, struct config_display, program_cache),
     CYAML_FIELD_END,
 };
 

@@ -6,8 +6,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/cache.h"
 #include "daemon/terrain_setup.h"
 #include "geo/sun.h"
+#include "render/program_cache.h"
 #include "render/window.h"
 #include "terrain/database.h"
 
@@ -72,6 +74,16 @@ static int create_renderer(struct channel *channel, const struct channel_params 
     return r;
 }
 
+/* Without a cache the programs are compiled. */
+static void use_program_cache(bool wanted)
+{
+    char directory[3072], programs[3100];
+    bool there = wanted && cache_directory(directory, sizeof(directory), NULL) == 0;
+    if (there)
+        snprintf(programs, sizeof(programs), "%s/programs", directory);
+    program_cache_use(there ? programs : NULL);
+}
+
 int channel_create(const struct channel_params *params, struct channel **ret_channel,
                    struct diag *diag)
 {
@@ -88,6 +100,7 @@ int channel_create(const struct channel_params *params, struct channel **ret_cha
     channel->visibility_m = params->visibility_m;
     channel->window = params->window;
     view_from_pose(&(struct pose){0}, &channel->geometry, &channel->last);
+    use_program_cache(params->cache_programs);
     if (channel->window)
         window_make_current(channel->window);
     else

@@ -5,6 +5,7 @@
 #include "geo/egm96.h"
 
 #include "base/bytes.h"
+#include "base/cache.h"
 #include "geo/geographic.h"
 
 #include <errno.h>
@@ -88,42 +89,6 @@ static int pgm_from_gtx(const char *path, const uint8_t *gtx, uint8_t *ret_pgm, 
     return 0;
 }
 
-static int write_all(int fd, const uint8_t *bytes, size_t size)
-{
-    for (size_t done = 0; done < size;) {
-        ssize_t n = write(fd, bytes + done, size - done);
-        if (n < 0 && errno == EINTR)
-            continue;
-        if (n < 0)
-            return -errno;
-        done += (size_t)n;
-    }
-    return fsync(fd) < 0 ? -errno : 0;
-}
-
-/* Into a temporary file beside the target, then renamed over it. */
-static int write_atomically(const char *path, const uint8_t *bytes, size_t size, struct diag *diag)
-{
-    char *temporary;
-    if (asprintf(&temporary, "%s.XXXXXX", path) < 0)
-        return -ENOMEM;
-    int fd = mkstemp(temporary);
-    int r = fd < 0 ? -errno : 0;
-    if (r == 0) {
-        r = write_all(fd, bytes, size);
-        if (r == 0 && fchmod(fd, 0644) < 0)
-            r = -errno;
-        if (close(fd) < 0 && r == 0)
-            r = -errno;
-        if (r == 0 && rename(temporary, path) < 0)
-            r = -errno;
-        if (r < 0)
-            unlink(temporary);
-    }
-    free(temporary);
-    return r < 0 ? diag_set(diag, r, "geoid cache %s: %s", path, strerror(-r)) : 0;
-}
-
 int egm96_convert(const char *gtx_path, const char *pgm_path, struct diag *diag)
 {
     uint8_t *gtx = malloc(GTX_SIZE), *pgm = malloc(PGM_SIZE);
@@ -133,7 +98,7 @@ int egm96_convert(const char *gtx_path, const char *pgm_path, struct diag *diag)
     if (r == 0)
         r = pgm_from_gtx(gtx_path, gtx, pgm, diag);
     if (r == 0)
-        r = write_atomically(pgm_path, pgm, PGM_SIZE, diag);
+        r = cache_write(pgm_path, pgm, PGM_SIZE, diag);
     free(gtx);
     free(pgm);
     return r;
@@ -157,40 +122,8 @@ static bool is_converted(const char *path)
 static int path_fits(int written, size_t size, struct diag *diag)
 {
     if (written < 0 || (size_t)written >= size)
-        return diag_set(diag, -ENAMETOOLONG, "geoid cache: the path has more than %zu bytes", size);
+        return diag_set(diag, -ENAMETOOLONG, "the cache's path has more than %zu bytes", size);
     return 0;
-}
-
-static int cache_directory(char *ret_path, size_t size, struct diag *diag)
-{
-    const char *systemd = getenv("CACHE_DIRECTORY"), *xdg = getenv("XDG_CACHE_HOME");
-    const char *home = getenv("HOME");
-    if (systemd && *systemd)
-        return path_fits(snprintf(ret_path, size, "%.*s", (int)strcspn(systemd, ":"), systemd),
-                         size, diag);
-    if (xdg && *xdg == '/')
-        return path_fits(snprintf(ret_path, size, "%s/otwd", xdg), size, diag);
-    if (home && *home == '/')
-        return path_fits(snprintf(ret_path, size, "%s/.cache/otwd", home), size, diag);
-    return diag_set(diag, -ENOENT,
-                    "geoid cache: none of CACHE_DIRECTORY, XDG_CACHE_HOME and HOME names a "
-                    "directory");
-}
-
-static int make_directories(char *path, struct diag *diag)
-{
-    for (char *slash = path;;) {
-        slash = strchr(slash + 1, '/');
-        if (slash)
-            *slash = '\0';
-        int r = mkdir(path, 0755) < 0 && errno != EEXIST ? -errno : 0;
-        if (r < 0)
-            diag_set(diag, r, "geoid cache %s: %s", path, strerror(-r));
-        if (slash)
-            *slash = '/';
-        if (r < 0 || !slash)
-            return r;
-    }
 }
 
 static bool readable_in(const char *directory, size_t length, char *ret_path, size_t size)
@@ -229,7 +162,7 @@ int egm96_prepare(char *ret_path, size_t size, struct diag *diag)
     if (!is_converted(pgm)) {
         r = find_grid(gtx, sizeof(gtx), diag);
         if (r == 0)
-            r = make_directories(directory, diag);
+            r = cache_make_directories(directory, diag);
         if (r == 0)
             r = egm96_convert(gtx, pgm, diag);
         if (r < 0)
@@ -252,7 +185,7 @@ static int open_uncached(struct geoid **ret_geoid, struct diag *diag)
     if (r < 0)
         return r;
     if (!mkdtemp(directory))
-        return diag_set(diag, -errno, "geoid cache %s: %s", directory, strerror(errno));
+        return diag_set(diag, -errno, "cache %s: %s", directory, strerror(errno));
     snprintf(pgm, sizeof(pgm), "%s/" CACHE_NAME, directory);
     r = egm96_convert(gtx, pgm, diag);
     if (r == 0)

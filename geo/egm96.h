@@ -12,8 +12,7 @@
 /* Writes into ret_path (size bytes) the path of a PGM file that geoid_open reads, making it first
  * where it is not there yet.
  * The grid egm96_15.gtx is looked for in the directories of $PROJ_DATA and $PROJ_LIB (lists with
- * colons), then in /usr/share/proj. The cache directory is the first entry of $CACHE_DIRECTORY (set
- * by systemd), else $XDG_CACHE_HOME/otwd, else $HOME/.cache/otwd; it is made where it is missing.
+ * colons), then in /usr/share/proj. It is made in the cache (base/cache.h).
  * Returns 0; -ENOENT where there is no grid, or no cache directory can be named; -EBADMSG for a
  * grid that is not EGM96; -ENAMETOOLONG; -errno of the file system. Any thread that may read the
  * environment; several processes may do it at once. */

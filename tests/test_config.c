@@ -57,6 +57,7 @@ static void check_defaults(const struct config *c)
     CHECK_INT(c->display.samples, CONFIG_SAMPLES_ONE);
     CHECK_STRING(c->display.monitor, "");
     CHECK(!c->display.fullscreen);
+    CHECK(c->display.program_cache);
     CHECK_STRING(c->terrain.database, "");
     CHECK_STRING(c->terrain.geoid, "egm96");
     CHECK_NEAR(c->terrain.pixel_error, 1, 0);

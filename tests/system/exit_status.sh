@@ -31,6 +31,14 @@ expect() {
     expect 64 'H.264 needs an even width' $fly --size 65x36 --video x.mp4 flight.csv
     # With nowhere to keep the geoid it flies all the same.
     env -u HOME -u XDG_CACHE_HOME -u CACHE_DIRECTORY $fly flight.csv || fail "no cache: status $?"
+    # Compiled shaders are kept from run to run, but not where that is not wanted.
+    for wanted in false true; do
+        echo "display: {program_cache: $wanted, width: 64, height: 36}" >programs.yaml
+        XDG_CACHE_HOME="$scratch/kept" "$OTWD" replay -q -c programs.yaml --speed max --rate 0.1 flight.csv ||
+            fail "program_cache: $wanted: status $?"
+        [ -d kept/otwd/programs ] && kept=true || kept=false
+        [ "$kept" = "$wanted" ] || fail "program_cache: $wanted, and shaders are kept: $kept"
+    done
     [ -w /dev/full ] && {
         $fly --json flight.csv >/dev/full 2>error.txt
         [ $? -eq 74 ] || fail "lost output is not 74"
