@@ -69,7 +69,8 @@ static void start(struct channels *channels, const char *path, bool share,
                                        .fallback = shared(planet),
                                        .samplers = 1};
         for (int a = 0; a < LOADER_UPDATES; a++)
-            params.arenas[a] = channels->arenas[i][a] = malloc(loader_arena_bytes(&params.shape));
+            params.arenas[a] = channels->arenas[i][a] =
+                malloc(loader_arena_bytes(loader_update_bytes(&params.shape, 0)));
         if (loader_start(&params, &channels->loaders[i], &diag) < 0)
             give_up(&diag);
     }

@@ -65,6 +65,7 @@ struct upload {
 
 struct clipmap_pass {
     struct clipmap_shape shape;
+    size_t update_bytes;
     bool software;
     GLuint program, upload_program, bounds_program, reach_program, split_program, list_program;
     GLuint vertex_array, heights, surfaces, bounds, ground;
@@ -121,7 +122,8 @@ static int create_draws(struct clipmap_pass *pass)
 
 static int create_buffers(struct clipmap_pass *pass, struct diag *diag)
 {
-    size_t arena = loader_arena_bytes(&pass->shape), table = (size_t)clipmap_table(&pass->shape);
+    size_t arena = loader_arena_bytes(pass->update_bytes),
+           table = (size_t)clipmap_table(&pass->shape);
     size_t panes = (size_t)pass->shape.levels * CLIPMAP_PANES;
     pass->storages[STORAGE_SPLITS] = create_buffer(panes * table * table * sizeof(GLuint), NULL);
     pass->storages[STORAGE_REACHES] = create_buffer(panes * table * table * sizeof(GLfloat), NULL);
@@ -189,8 +191,9 @@ int clipmap_pass_mib(const struct clipmap_shape *shape)
     return (int)ceil(texels * shape->levels * CLIPMAP_PANES / 1048576.0);
 }
 
-int clipmap_pass_create(const struct clipmap_shape *shape, const struct gl_facts *facts,
-                        struct clipmap_pass **ret_pass, struct diag *diag)
+int clipmap_pass_create(const struct clipmap_shape *shape, size_t update_bytes,
+                        const struct gl_facts *facts, struct clipmap_pass **ret_pass,
+                        struct diag *diag)
 {
     struct clipmap_pass *pass = calloc(1, sizeof(*pass));
     if (!pass)
@@ -199,7 +202,8 @@ int clipmap_pass_create(const struct clipmap_shape *shape, const struct gl_facts
     unsigned blocks = (a_level > BLOCKS_LEAST ? a_level : BLOCKS_LEAST) * (unsigned)shape->levels;
     unsigned squares = (unsigned)(shape->block * shape->block / 4);
     unsigned vertices = 9 * squares + 4 * (unsigned)shape->block;
-    *pass = (struct clipmap_pass){.shape = *shape, .software = facts->software};
+    *pass = (struct clipmap_pass){
+        .shape = *shape, .update_bytes = update_bytes, .software = facts->software};
     pass->blocks_a_draw = facts->software ? SOFTWARE_VERTICES / vertices : blocks;
     pass->draw_count = (blocks + pass->blocks_a_draw - 1) / pass->blocks_a_draw;
     int r = create_programs(pass, diag);
@@ -290,7 +294,7 @@ static void add_blocks(const struct clipmap_pass *pass, struct upload *upload,
 
 void clipmap_pass_apply(struct clipmap_pass *pass, const struct loader_update *update)
 {
-    size_t surfaces = loader_surfaces_offset(&pass->shape) / sizeof(GLuint);
+    size_t surfaces = loader_surfaces_offset(pass->update_bytes) / sizeof(GLuint);
     assert(pass->upload_count < LOADER_UPDATES);
     struct upload *upload = &pass->uploads[pass->upload_count++];
     *upload = (struct upload){.slot = update->slot};
@@ -304,8 +308,7 @@ void clipmap_pass_apply(struct clipmap_pass *pass, const struct loader_update *u
     upload->ends = upload->rects;
     for (unsigned i = 0; i < update->strip_count; i++)
         add_blocks(pass, upload, update, &update->strips[i]);
-    pass->uploaded += update->height_count * sizeof(struct loader_height) +
-                      update->surface_count * sizeof(struct loader_surface);
+    pass->uploaded += loader_bytes_of(update);
     memcpy(pass->levels, update->levels, sizeof(pass->levels));
     pass->has_levels = true;
 }

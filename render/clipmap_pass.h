@@ -14,9 +14,10 @@ struct clipmap_pass;
 /* What its textures take of the GPU's memory, MiB. */
 int clipmap_pass_mib(const struct clipmap_shape *shape);
 
-/* -ENOMEM where the GPU has not that much memory left. */
-int clipmap_pass_create(const struct clipmap_shape *shape, const struct gl_facts *facts,
-                        struct clipmap_pass **ret_pass, struct diag *diag);
+/* `update_bytes` as the loader has it. -ENOMEM where the GPU has not that much memory left. */
+int clipmap_pass_create(const struct clipmap_shape *shape, size_t update_bytes,
+                        const struct gl_facts *facts, struct clipmap_pass **ret_pass,
+                        struct diag *diag);
 /* Legal on NULL. */
 void clipmap_pass_destroy(struct clipmap_pass *pass);
 

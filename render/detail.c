@@ -2,12 +2,13 @@
 
 #include <math.h>
 
-#define ERROR_CELLS 0.28  /* p99.9 of the error where a level ends, in the angles of its cells */
-#define HIGH        0.9   /* of the budget: more is too near to the deadline */
-#define LOW         0.7   /* less than that there is time to spare */
-#define COARSER     1.01  /* a frame */
-#define FINER       1.002 /* a frame */
-#define FORGET      0.995 /* of the peak, a frame */
+#define ERROR_CELLS                                                                                \
+    0.6 /* p99.9 of the error over mountains, in the angles of cells where their level ends */
+#define HIGH    0.9   /* of the budget: more is too near to the deadline */
+#define LOW     0.7   /* less than that there is time to spare */
+#define COARSER 1.01  /* a frame */
+#define FINER   1.002 /* a frame */
+#define FORGET  0.995 /* of the peak, a frame */
 
 double detail_posts(double pixel_rad, double pixel_error)
 {

@@ -6,7 +6,8 @@
 
 /* How many posts a level has to reach (terrain/clipmap.h: radius) so that 999 of 1000 pixels show
  * ground within `pixel_error` pixels of the terrain in full; a pixel covers `pixel_rad`. Measured
- * on rough ground (`otwd bench quality`): the error is in inverse proportion to the reach. */
+ * over the Pyrenees (docs/performance.md, Truth): the error is in inverse proportion to the
+ * reach. */
 double detail_posts(double pixel_rad, double pixel_error);
 
 /* The inverse. */

@@ -46,6 +46,7 @@ struct image_pass {
     unsigned block;
     struct image_layout layout; /* of the last update */
     double pixel_rad;           /* of the last view */
+    struct image_update *next;  /* taken, but too much for the last frame */
     struct image_update *held[IMAGE_UPDATES];
     unsigned held_count;
 };
@@ -174,28 +175,45 @@ static void upload(const struct image_pass *pass, const struct image_update *upd
     glDispatchCompute((GLuint)(texels + UPLOAD_GROUP - 1) / UPLOAD_GROUP, 1, 1);
 }
 
+/* The next strip: the one that was left over, or from the loader. */
+static struct image_update *next_update(struct image_pass *pass)
+{
+    if (!pass->next)
+        pass->next = image_loader_take(pass->loader);
+    return pass->next;
+}
+
 void image_pass_settle(struct image_pass *pass)
 {
-    while (pass && image_loader_wait(pass->loader)) {
-        struct image_update *update = image_loader_take(pass->loader);
+    while (pass && (pass->next || image_loader_wait(pass->loader))) {
+        struct image_update *update = next_update(pass);
         upload(pass, update);
         pass->layout = update->layout;
         glMemoryBarrier(GL_TEXTURE_FETCH_BARRIER_BIT);
         glFinish();
         image_loader_give_back(pass->loader, update);
+        pass->next = NULL;
     }
 }
 
-size_t image_pass_take(struct image_pass *pass)
+static size_t bytes_of(const struct image_pass *pass, const struct image_update *update)
 {
-    size_t texels = 0;
+    size_t texels = (size_t)update->rows * (size_t)update->cols;
+    return texels * sizeof(GLuint) * ((pass->colours != 0) + (pass->waters != 0));
+}
+
+size_t image_pass_take(struct image_pass *pass, size_t most_bytes)
+{
+    size_t bytes = 0;
     struct image_update *update;
-    while (pass && pass->held_count < IMAGE_UPDATES && (update = image_loader_take(pass->loader))) {
-        texels += (size_t)update->rows * (size_t)update->cols;
+    while (pass && pass->held_count < IMAGE_UPDATES && (update = next_update(pass)) &&
+           bytes + bytes_of(pass, update) <= most_bytes) {
+        bytes += bytes_of(pass, update);
         pass->layout = update->layout;
         pass->held[pass->held_count++] = update;
+        pass->next = NULL;
     }
-    return pass ? texels * sizeof(GLuint) * ((pass->colours != 0) + (pass->waters != 0)) : 0;
+    return bytes;
 }
 
 void image_pass_upload(struct image_pass *pass)

@@ -28,8 +28,9 @@ void image_pass_wish(struct image_pass *pass, const struct geodetic *eye, double
 void image_pass_settle(struct image_pass *pass);
 
 /* A frame is take, prepare, upload, bind, release; the first two give the GPU no commands. */
-/* Takes the strips that are ready, at most IMAGE_UPDATES. Returns their bytes. */
-size_t image_pass_take(struct image_pass *pass);
+/* Takes the strips that are ready, at most IMAGE_UPDATES and of so many bytes. Returns their bytes.
+ */
+size_t image_pass_take(struct image_pass *pass, size_t most_bytes);
 
 /* Whether every level is there as far as it is to be drawn for an eye. */
 bool image_pass_complete(const struct image_pass *pass, const struct geodetic *eye,

@@ -48,6 +48,8 @@ struct renderer {
     int select_groups; /* of the blocks that may be drawn: scene_set_levels() */
     bool debug_groups;
     GLuint time_query, pass_queries[PASS_MARKS], triangle_query;
+    size_t upload_bytes, terrain_bytes;         /* that a frame copies at most; of terrain */
+    struct loader_update *next;                 /* taken, but too much for the last frame */
     struct loader_update *held[LOADER_UPDATES]; /* being copied from by this frame */
     unsigned held_count;
 
@@ -69,6 +71,22 @@ struct clipmap_shape renderer_shape(const struct terrain_facts *facts, double pi
     return clipmap_shape(radius, block, facts->finest_lat_step_deg);
 }
 
+/* Of imagery no less than a strip can be copied: it has half of what is then copied at most, and
+ * what terrain leaves. */
+static void set_upload_bytes(struct renderer *renderer, const struct renderer_params *params,
+                             bool software)
+{
+    size_t least = params->imagery ? RENDERER_UPLOAD_BYTES : LOADER_UPDATE_LEAST;
+    size_t bytes = params->upload_bytes ? params->upload_bytes
+                   : software           ? RENDERER_UPLOAD_SOFTWARE
+                                        : RENDERER_UPLOAD_BYTES;
+    renderer->upload_bytes = bytes > least ? bytes : least;
+    renderer->terrain_bytes = renderer->upload_bytes;
+    if (params->imagery)
+        renderer->terrain_bytes =
+            bytes < renderer->upload_bytes / 2 ? bytes : renderer->upload_bytes / 2;
+}
+
 /* The clipmap that was asked for, or the largest that there is memory for. */
 static int create_clipmap(struct renderer *renderer, const struct gl_facts *facts,
                           struct diag *diag)
@@ -80,7 +98,9 @@ static int create_clipmap(struct renderer *renderer, const struct gl_facts *fact
             r = diag_set(diag, -ENOMEM, "a clipmap of %d MiB is too much for %d MiB of GPU memory",
                          mib, free_mib);
         else
-            r = clipmap_pass_create(&renderer->shape, facts, &renderer->clipmap, diag);
+            r = clipmap_pass_create(&renderer->shape,
+                                    loader_update_bytes(&renderer->shape, renderer->terrain_bytes),
+                                    facts, &renderer->clipmap, diag);
         if (r != -ENOMEM || renderer->shape.radius <= CLIPMAP_LEAST_RADIUS)
             return r;
         renderer->shape = clipmap_halved(&renderer->shape);
@@ -165,6 +185,7 @@ static int create_loaders(struct renderer *renderer, const struct renderer_param
                           struct diag *diag)
 {
     struct loader_params loader = {.shape = renderer->shape,
+                                   .update_bytes = renderer->terrain_bytes,
                                    .source = params->source,
                                    .fallback = params->fallback,
                                    .geoid = params->geoid};
@@ -192,6 +213,7 @@ int renderer_create(const struct renderer_params *params, const struct gl_facts 
     renderer->pixel_error = params->pixel_error > 0.0 ? params->pixel_error : 1.0;
     renderer->posts_most = params->posts_most > 0.0 ? params->posts_most : POSTS_MOST;
     renderer->shape = params->shape;
+    set_upload_bytes(renderer, params, facts->software);
     renderer->shade_in_compute = !facts->software;
     renderer->debug_groups = facts->debug;
     int r = create_clipmap(renderer, facts, diag);
@@ -285,35 +307,53 @@ static void give_updates_back(struct renderer *renderer)
         loader_give_back(renderer->loader, renderer->held[--renderer->held_count]);
 }
 
-static void take_updates(struct renderer *renderer)
+/* Takes the updates that are ready, of so many bytes at most. Returns their bytes. */
+static size_t take_updates(struct renderer *renderer, size_t most_bytes)
 {
-    struct loader_update *update;
-    while (renderer->held_count < LOADER_UPDATES && (update = loader_take(renderer->loader))) {
+    size_t bytes = 0;
+    while (renderer->held_count < LOADER_UPDATES) {
+        struct loader_update *update =
+            renderer->next ? renderer->next : loader_take(renderer->loader);
+        renderer->next = update;
+        if (!update || bytes + loader_bytes_of(update) > most_bytes)
+            break;
+        bytes += loader_bytes_of(update);
         clipmap_pass_apply(renderer->clipmap, update);
         renderer->late = update->late;
         renderer->held[renderer->held_count++] = update;
+        renderer->next = NULL;
     }
     renderer->has_ground |= loader_take_ground(renderer->loader, &renderer->ground);
+    return bytes;
 }
 
+/* Copies all that is ready, outside of any frame. */
+static void copy_updates(struct renderer *renderer)
+{
+    take_updates(renderer, SIZE_MAX);
+    clipmap_pass_upload(renderer->clipmap);
+    glFinish();
+    give_updates_back(renderer);
+}
+
+/* An update that is kept is one that the loader waits for. */
 void renderer_wait(struct renderer *renderer)
 {
-    loader_wait(renderer->loader);
-    while (loader_pending(renderer->loader)) { /* for want of room */
-        take_updates(renderer);
-        clipmap_pass_upload(renderer->clipmap);
-        glFinish();
-        give_updates_back(renderer);
-        loader_wait(renderer->loader);
-    }
+    struct loader *loader = renderer->loader;
+    if (renderer->next)
+        copy_updates(renderer);
+    for (loader_wait(loader); loader_pending(loader) || loader_ready(loader) > 1;
+         loader_wait(loader))
+        copy_updates(renderer);
     image_pass_settle(renderer->images);
 }
 
-/* Returns the bytes that are copied. */
+/* Returns the bytes that are copied. An update alone is never too much. */
 static size_t apply_updates(struct renderer *renderer)
 {
-    take_updates(renderer);
-    return clipmap_pass_take_uploaded(renderer->clipmap) + image_pass_take(renderer->images);
+    size_t bytes = take_updates(renderer, renderer->terrain_bytes);
+    size_t left = renderer->upload_bytes - bytes;
+    return clipmap_pass_take_uploaded(renderer->clipmap) + image_pass_take(renderer->images, left);
 }
 
 /* Whether the levels that are drawn reach as far as this eye asks for. */

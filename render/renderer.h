@@ -22,18 +22,24 @@ struct renderer_params {
     struct geoid *geoid;             /* likewise; may be NULL */
     struct imagery *imagery;         /* likewise; may be NULL */
     int samples;                     /* of a pixel: 1, or 4 for smooth edges; 0: 1 */
-    double pixel_error; /* by which what is drawn may differ from the terrain, pixels; 0: 1 */
-    double posts_most;  /* to which levels are drawn at most; 0: what there is time for */
+    double pixel_error;  /* by which what is drawn may differ from the terrain, pixels; 0: 1 */
+    double posts_most;   /* to which levels are drawn at most; 0: what there is time for */
+    size_t upload_bytes; /* that a frame copies at most; 0: as below. At least LOADER_UPDATE_LEAST,
+                            with imagery RENDERER_UPLOAD_BYTES */
 };
+
+/* A GPU reads as much over PCIe in about 0.1 ms, a tenth of its frame; copying half a MiB takes a
+ * software rasteriser 3 to 10 ms of 40 (docs/performance.md). */
+#define RENDERER_UPLOAD_BYTES    LOADER_UPDATE_BYTES
+#define RENDERER_UPLOAD_SOFTWARE (LOADER_UPDATE_BYTES / 4)
 
 struct renderer_frame {
     double gpu_ms; /* timer queries: from the first pass to the end of the last */
     double upload_ms, terrain_ms, shade_ms; /* the same by pass */
     uint64_t triangles;                     /* generated, after culling */
     unsigned control_points;                /* vertices sent by the CPU */
-    double
-        pixel_error; /* that the levels are drawn for: what was asked, or what there is time for */
-    uint64_t upload_bytes;
+    double pixel_error;    /* that levels reach far enough for: may be more than was asked */
+    uint64_t upload_bytes; /* and those of renderer_wait() before it */
     bool complete; /* terrain and imagery drawn are those of this eye, not of an earlier one */
     bool failed;   /* the GPU was reset or ran out of memory */
     double height_above_terrain_m;
@@ -64,7 +70,8 @@ int renderer_radius(const struct renderer *renderer);
  * awaited rather than shown coarser while it is read. */
 void renderer_wish(struct renderer *renderer, const struct geodetic *eye, bool patient);
 
-/* Waits until terrain and imagery of the last wish are there. Not for live use. */
+/* Waits until terrain and imagery of the last wish are there, however many bytes that are; those of
+ * one update may be left to the next frame. Not for live use. */
 void renderer_wait(struct renderer *renderer);
 
 /* Draws a frame and returns without waiting for the GPU. The view's undulation is set from the

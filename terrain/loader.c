@@ -133,14 +133,27 @@ static void look_ahead(struct loader *loader, const struct wish *wish)
     }
 }
 
-/* Moves the levels, in as many updates as that takes. */
-static void answer(struct loader *loader, const struct wish *wish)
+static void publish_ground(struct loader *loader, const struct wish *wish)
 {
-    struct window_filler *filler = &loader->filler;
-    const struct filler_eye eye = {wish->eye.lat_deg, wish->eye.lon_deg, wish->finest};
+    struct loader_ground ground = window_filler_ground(&loader->filler, &wish->eye);
+    latest_publish(&loader->grounds, &ground);
+}
+
+/* Returns where the eye of a wish is, for which the levels are now moved. */
+static struct filler_eye take_up(struct loader *loader, const struct wish *wish)
+{
     look_ahead(loader, wish);
     loader->last = *wish;
-    filler->patient = wish->patient;
+    loader->filler.patient = wish->patient;
+    return (struct filler_eye){wish->eye.lat_deg, wish->eye.lon_deg, wish->finest};
+}
+
+/* Moves the levels, in as many updates as that takes; between these a newer wish takes the place of
+ * this one. */
+static void answer(struct loader *loader, struct wish wish)
+{
+    struct window_filler *filler = &loader->filler;
+    struct filler_eye eye = take_up(loader, &wish);
     int r = 0;
     while (r == 0 && window_filler_lags(filler, &eye)) {
         struct loader_update *update = take_update(loader);
@@ -149,10 +162,14 @@ static void answer(struct loader *loader, const struct wish *wish)
         r = window_filler_move(filler, &eye, update);
         publish_counts(loader);
         hand_over(loader, update);
+        if (!window_filler_lags(filler, &eye))
+            break;
+        publish_ground(loader, &wish);
+        if (latest_take(&loader->wishes, &wish))
+            eye = take_up(loader, &wish);
     }
-    struct loader_ground ground = window_filler_ground(filler, &wish->eye);
-    latest_publish(&loader->grounds, &ground);
-    atomic_store(&loader->answered, wish->number);
+    publish_ground(loader, &wish);
+    atomic_store(&loader->answered, wish.number);
     sem_post(&loader->answered_or_ready);
 }
 
@@ -194,7 +211,7 @@ static void *loader_main(void *data)
         struct wish wish;
         sleep_until_woken(loader);
         if (!atomic_load(&loader->stopping) && latest_take(&loader->wishes, &wish))
-            answer(loader, &wish);
+            answer(loader, wish);
         if (atomic_load(&loader->arrived))
             take_changes(loader);
         if (atomic_load(&loader->arrived) || loader->untried > 0)
@@ -211,21 +228,29 @@ static void on_arrival(void *user)
     sem_post(&loader->woken);
 }
 
-size_t loader_surfaces_offset(const struct clipmap_shape *shape)
+size_t loader_update_bytes(const struct clipmap_shape *shape, size_t asked)
 {
-    size_t bytes = window_filler_half_posts(shape) * sizeof(struct loader_height);
-    return (bytes + 255) / 256 * 256;
+    size_t most = window_filler_half_posts(shape) * sizeof(struct loader_surface);
+    size_t bytes = asked ? asked : LOADER_UPDATE_BYTES;
+    if (bytes < LOADER_UPDATE_LEAST)
+        bytes = LOADER_UPDATE_LEAST;
+    return bytes < most ? bytes : most;
 }
 
-size_t loader_arena_bytes(const struct clipmap_shape *shape)
+/* Either may be all of an update. */
+size_t loader_surfaces_offset(size_t update_bytes)
 {
-    return loader_surfaces_offset(shape) +
-           window_filler_half_posts(shape) * sizeof(struct loader_surface);
+    return (update_bytes + 255) / 256 * 256;
 }
 
-static int allocate_updates(struct loader *loader, const struct clipmap_shape *shape,
-                            void *const arenas[LOADER_UPDATES])
+size_t loader_arena_bytes(size_t update_bytes)
 {
+    return loader_surfaces_offset(update_bytes) + update_bytes;
+}
+
+static int allocate_updates(struct loader *loader, void *const arenas[LOADER_UPDATES])
+{
+    size_t surfaces = loader_surfaces_offset(loader->filler.update_bytes);
     if (ring_init(&loader->ready, sizeof(struct loader_update *), LOADER_UPDATES) < 0 ||
         ring_init(&loader->free, sizeof(struct loader_update *), LOADER_UPDATES) < 0 ||
         latest_init(&loader->wishes, sizeof(struct wish)) < 0 ||
@@ -236,7 +261,7 @@ static int allocate_updates(struct loader *loader, const struct clipmap_shape *s
         char *arena = arenas[i];
         update->slot = i;
         update->heights = (struct loader_height *)(void *)arena;
-        update->surfaces = (struct loader_surface *)(void *)(arena + loader_surfaces_offset(shape));
+        update->surfaces = (struct loader_surface *)(void *)(arena + surfaces);
         ring_put(&loader->free, &update);
     }
     return 0;
@@ -269,8 +294,9 @@ static int start(struct loader *loader, const struct loader_params *params, stru
     const struct clipmap_shape *shape = &params->shape;
     int r = window_filler_init(&loader->filler, shape, loader->source, loader->fallback,
                                loader->geoid, params->samplers ? params->samplers : samplers());
+    loader->filler.update_bytes = loader_update_bytes(shape, params->update_bytes);
     if (r == 0)
-        r = allocate_updates(loader, shape, params->arenas);
+        r = allocate_updates(loader, params->arenas);
     if (r < 0)
         return diag_set(diag, r, "no memory for %d clipmap levels", shape->levels);
     if (loader->source->ops->stream)
@@ -342,6 +368,11 @@ void loader_give_back(struct loader *loader, struct loader_update *update)
 {
     ring_put(&loader->free, &update);
     sem_post(&loader->woken);
+}
+
+unsigned loader_ready(const struct loader *loader)
+{
+    return ring_count(&loader->ready);
 }
 
 bool loader_pending(const struct loader *loader)

@@ -1,8 +1,11 @@
 /* Keeps a clipmap filled: a thread that samples the terrain and hands the renderer updates.
  *
  * The render thread says where the eye is (a wish) and takes an update when one is ready. An update
- * brings some levels, coarser ones before finer ones, to a new place; each level is whole after
- * every update. At most LOADER_UPDATES are under way; the loader works from the newest wish.
+ * brings some levels, coarser ones before finer ones, to a new place. It has a bounded number of
+ * bytes, so that no frame that copies one is late: a level that gains more than that, as all do
+ * after a jump, holds less than it might at first and grows with the next updates. What an update
+ * says is held is held, whole, once its strips are copied. At most LOADER_UPDATES are under way;
+ * the loader works from the newest wish.
  *
  * The loader owns the terrain source and the geoid while it runs. Several loaders, one for each
  * channel of a process, have the same tiles by terrain_source_share(): each is given a source of
@@ -20,6 +23,9 @@
 
 #define LOADER_UPDATES    3
 #define LOADER_MAX_STRIPS 120
+
+#define LOADER_UPDATE_BYTES ((size_t)2 << 20) /* of an update, where nothing else is asked for */
+#define LOADER_UPDATE_LEAST ((size_t)1 << 18) /* a level of radius 256 can still grow */
 
 /* A post as the heights texture holds it: metres above the ellipsoid, this level's own and what the
  * next coarser level has at the same place (linear between its posts). */
@@ -64,8 +70,15 @@ struct loader_update {
     size_t height_count, surface_count; /* used */
 };
 
+static inline size_t loader_bytes_of(const struct loader_update *update)
+{
+    return update->height_count * sizeof(struct loader_height) +
+           update->surface_count * sizeof(struct loader_surface);
+}
+
 struct loader_params {
     struct clipmap_shape shape;
+    size_t update_bytes;           /* the most that an update has: loader_update_bytes() */
     struct terrain_source *source; /* heights above the geoid; ownership passes */
     struct terrain_source
         *fallback;       /* used where `source` has none; may be NULL; ownership passes */
@@ -76,9 +89,13 @@ struct loader_params {
     void *arenas[LOADER_UPDATES];
 };
 
-/* The size of one arena, enough for a whole level, and where the surfaces begin in it. */
-size_t loader_arena_bytes(const struct clipmap_shape *shape);
-size_t loader_surfaces_offset(const struct clipmap_shape *shape);
+/* How many bytes updates may have: `asked` (0: LOADER_UPDATE_BYTES), at least LOADER_UPDATE_LEAST,
+ * at most what there can be of them, which is a few levels. */
+size_t loader_update_bytes(const struct clipmap_shape *shape, size_t asked);
+
+/* The size of one arena, and where the surfaces begin in it. */
+size_t loader_arena_bytes(size_t update_bytes);
+size_t loader_surfaces_offset(size_t update_bytes);
 
 struct loader;
 
@@ -111,6 +128,9 @@ void loader_give_back(struct loader *loader, struct loader_update *update);
 /* Waits until the last wish has been answered; updates that arrive meanwhile are ready to take.
  * For runs in which every frame has to be complete. */
 void loader_wait(struct loader *loader);
+
+/* How many updates are ready to take. */
+unsigned loader_ready(const struct loader *loader);
 
 /* True while a wish is not yet answered. */
 bool loader_pending(const struct loader *loader);

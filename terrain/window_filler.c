@@ -14,8 +14,9 @@
 
 #define REFRESH_PARTS (LOADER_MAX_STRIPS / 2) /* each may need a strip of the finer level, too */
 #define CHUNK_POSTS   (LATE_SIDE * LATE_SIDE) /* half-posts that a worker takes at a time */
-#define AHEAD_STRIDE  32  /* half-posts between those that are asked for ahead */
-#define MOVE_POSTS    2.0 /* that an eye goes before a level follows */
+#define AHEAD_STRIDE  32    /* half-posts between those that are asked for ahead */
+#define MOVE_POSTS    2.0   /* that an eye goes before a level follows */
+#define GROWTH_STEPS  512.0 /* in which a level's radius is found that an update has room for */
 
 /* A rectangle of half-posts of one level that is to be sampled. */
 struct filler_part {
@@ -209,12 +210,13 @@ static struct clipmap_cap cap_about(const struct window_filler *filler, int leve
     };
 }
 
-/* Whether a level has to be moved for an eye at a place. */
+/* Whether a level has to be moved for an eye at a place, or holds less than it might. */
 static bool level_lags(const struct window_filler *filler, int level, const double normal[3])
 {
     const struct clipmap_cap *cap = &filler->caps[level];
     double step = clipmap_step_rad(&filler->shape, level);
-    return cap->radius == 0.0 || cube_chord(cap->normal, normal) > MOVE_POSTS * step;
+    return cap->radius == 0.0 || cube_chord(cap->normal, normal) > MOVE_POSTS * step ||
+           cap->radius < cap_about(filler, level, cap->normal).radius;
 }
 
 bool window_filler_lags(const struct window_filler *filler, const struct filler_eye *eye)
@@ -309,41 +311,80 @@ static void open_update(struct loader_update *update)
     update->height_count = update->surface_count = 0;
 }
 
-static size_t half_posts_of(const struct filler_part *parts, size_t count)
+/* Of one part of an update: its half-posts are grown by one on all sides when they are exported. */
+static size_t bytes_of(const struct filler_part *part)
 {
-    size_t sum = 0;
-    for (size_t i = 0; i < count; i++) /* grown by one on all sides when they are exported */
-        sum += (size_t)(parts[i].half_posts.rows + 2) * (size_t)(parts[i].half_posts.cols + 2);
-    return sum;
+    size_t rows = (size_t)part->half_posts.rows + 2, cols = (size_t)part->half_posts.cols + 2;
+    return rows * cols * sizeof(struct loader_surface) +
+           (rows / 2 + 1) * (cols / 2 + 1) * sizeof(struct loader_height);
 }
 
 #define PARTS_MOST (4 * CLIPMAP_PANES) /* of a level */
 
+/* What a level becomes. */
+struct level_plan {
+    struct clipmap_cap cap;
+    struct clipmap_pane panes[CLIPMAP_PANES];
+    size_t count; /* of the parts that it gains */
+    size_t bytes;
+};
+
+/* With a cap of that radius. */
+static void plan_level(const struct window_filler *filler, int level, double radius,
+                       struct filler_part *parts, struct level_plan *plan)
+{
+    plan->cap.radius = radius;
+    clipmap_panes(&filler->shape, level, &plan->cap, plan->panes);
+    plan->count = list_parts(filler, level, plan->panes, parts);
+    plan->bytes = 0;
+    for (size_t i = 0; i < plan->count; i++)
+        plan->bytes += bytes_of(&parts[i]);
+}
+
+/* A level about a place, as large as there is room for what it gains. */
+static struct level_plan fit_level(const struct window_filler *filler, int level,
+                                   const double normal[3], size_t room, struct filler_part *parts)
+{
+    struct level_plan plan = {.cap = cap_about(filler, level, normal)};
+    double full = plan.cap.radius, fits = 0.0, too_large = full;
+    plan_level(filler, level, full, parts, &plan);
+    if (plan.bytes <= room)
+        return plan;
+    while (too_large - fits > full / GROWTH_STEPS) {
+        double radius = 0.5 * (fits + too_large);
+        plan_level(filler, level, radius, parts, &plan);
+        if (plan.bytes <= room)
+            fits = radius;
+        else
+            too_large = radius;
+    }
+    plan_level(filler, level, fits, parts, &plan);
+    return plan;
+}
+
 /* The parts of as many levels as an update holds, coarser ones first; each has its new panes then.
- */
+ * A level that does not fit whole is the last: finer ones need all of it. */
 static int plan_levels(struct window_filler *filler, const struct filler_eye *eye,
                        struct filler_part *parts, size_t *ret_count)
 {
     double normal[3];
-    size_t room = window_filler_half_posts(&filler->shape), count = 0;
+    size_t room = filler->update_bytes, count = 0;
+    bool whole = true;
     int r = 0;
     cube_normal_from_geodetic(eye->lat_deg, eye->lon_deg, normal);
-    for (int level = filler->shape.levels - 1; level >= eye->finest && r == 0; level--) {
-        struct clipmap_cap cap = cap_about(filler, level, normal);
-        struct clipmap_pane panes[CLIPMAP_PANES];
+    for (int level = filler->shape.levels - 1; level >= eye->finest && r == 0 && whole; level--) {
         if (!level_lags(filler, level, normal))
             continue;
-        clipmap_panes(&filler->shape, level, &cap, panes);
-        size_t gained = list_parts(filler, level, panes, parts + count);
-        size_t needed = half_posts_of(parts + count, gained);
-        if (needed > room || count + gained + PARTS_MOST > LOADER_MAX_STRIPS)
+        if (room < filler->update_bytes / 4 || count + PARTS_MOST > LOADER_MAX_STRIPS)
             break;
-        r = place_level(filler, level, &cap, panes);
+        struct level_plan plan = fit_level(filler, level, normal, room, parts + count);
+        whole = plan.cap.radius == cap_about(filler, level, normal).radius;
+        r = place_level(filler, level, &plan.cap, plan.panes);
         if (r == 0)
-            count += gained;
+            count += plan.count;
         else
             leave_level(filler, level);
-        room -= needed;
+        room -= plan.bytes;
     }
     *ret_count = count;
     return r;
@@ -388,17 +429,23 @@ static void add_finer_heights(struct window_filler *filler, const struct filler_
     update->strips[update->strip_count++] = strip;
 }
 
+/* Of what add_finer_heights() adds for a part. */
+static size_t finer_bytes_of(const struct filler_part *part)
+{
+    size_t rows = (size_t)part->half_posts.rows + 3, cols = (size_t)part->half_posts.cols + 3;
+    return rows * cols * sizeof(struct loader_height);
+}
+
 bool window_filler_refresh(struct window_filler *filler, struct loader_update *update,
                            size_t *ret_tried)
 {
-    size_t tried = 0, room = window_filler_half_posts(&filler->shape);
+    size_t tried = 0, room = filler->update_bytes;
     struct filler_part parts[REFRESH_PARTS];
     for (size_t i = 0; i < filler->late.count && i < REFRESH_PARTS; i++) {
         parts[i] = (struct filler_part){.level = filler->late.parts[i].level,
                                         .pane = filler->late.parts[i].pane,
                                         .half_posts = filler->late.parts[i].half_posts};
-        size_t needed = half_posts_of(&parts[i], 1);
-        needed += needed / 2; /* the finer level's heights are a few more */
+        size_t needed = bytes_of(&parts[i]) + finer_bytes_of(&parts[i]);
         if (needed > room)
             break;
         room -= needed;

@@ -21,6 +21,7 @@ struct window_filler {
     struct geoid *geoid;                      /* borrowed; may be NULL */
     struct level_store stores[CLIPMAP_MAX_LEVELS][CLIPMAP_PANES];
     struct clipmap_cap caps[CLIPMAP_MAX_LEVELS];
+    size_t update_bytes;         /* the most that an update has */
     bool patient;                /* waits for late heights */
     const atomic_bool *stopping; /* ends the waiting; borrowed, may be NULL */
     struct crew *crew;
@@ -46,8 +47,9 @@ struct filler_eye {
 bool window_filler_lags(const struct window_filler *filler, const struct filler_eye *eye);
 
 /* Moves levels to an eye, coarser ones first, as many as the update holds, and fills the update
- * with what they gained; the ground under the eye is put in, too. Where window_filler_lags() says
- * so afterwards there is more to move. Returns 0, or -ENOMEM: then the levels that there was no
+ * with what they gained. Of a level that gains more than that the nearest part is there first, and
+ * finer ones come when it is whole. Where window_filler_lags() says so afterwards there is more to
+ * move. Returns 0, or -ENOMEM: then the levels that there was no
  * memory for are not there. */
 int window_filler_move(struct window_filler *filler, const struct filler_eye *eye,
                        struct loader_update *update);
@@ -66,5 +68,5 @@ bool window_filler_refresh(struct window_filler *filler, struct loader_update *u
 /* Asks the source for what the levels will need for an eye. */
 void window_filler_look_ahead(struct window_filler *filler, const struct filler_eye *eye);
 
-/* How much an update's arena has to hold: half-posts of the largest level. */
+/* No update has more half-posts: those of the largest level. */
 size_t window_filler_half_posts(const struct clipmap_shape *shape);

@@ -103,7 +103,8 @@ static inline void open_picture(struct picture *picture, struct terrain_source *
     struct loader_params params = {
         .shape = shape, .source = source, .fallback = planet(), .samplers = samplers};
     for (int i = 0; i < LOADER_UPDATES; i++)
-        params.arenas[i] = picture->arenas[i] = malloc(loader_arena_bytes(&shape));
+        params.arenas[i] = picture->arenas[i] =
+            malloc(loader_arena_bytes(loader_update_bytes(&shape, 0)));
     picture->heights = calloc(texels, sizeof(*picture->heights));
     picture->surfaces = calloc(4 * texels, sizeof(*picture->surfaces));
     if (loader_start(&params, &picture->loader, &diag) < 0)

@@ -88,7 +88,8 @@ static bool open_mesh(int radius, struct mesh *ret)
     struct loader_params params = {.source = formula_create(rough_ground)};
     *ret = (struct mesh){.shape = clipmap_shape(radius, radius / 8, 1.0)};
     params.shape = ret->shape;
-    if (clipmap_pass_create(&ret->shape, &gl, &ret->pass, &diag) < 0) {
+    if (clipmap_pass_create(&ret->shape, loader_update_bytes(&ret->shape, SIZE_MAX), &gl,
+                            &ret->pass, &diag) < 0) {
         CHECK_FAIL("%s", diag.text);
         return false;
     }
