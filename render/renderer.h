@@ -28,8 +28,8 @@ struct renderer_params {
                             with imagery RENDERER_UPLOAD_BYTES */
 };
 
-/* A GPU reads as much over PCIe in about 0.1 ms, a tenth of its frame; copying half a MiB takes a
- * software rasteriser 3 to 10 ms of 40 (docs/performance.md). */
+/* A GPU reads as much over PCIe in about 0.1 ms, a tenth of its frame. A software rasteriser copies
+ * a MiB in 20 to 40 ms while the loader works beside it (docs/performance.md). */
 #define RENDERER_UPLOAD_BYTES    LOADER_UPDATE_BYTES
 #define RENDERER_UPLOAD_SOFTWARE (LOADER_UPDATE_BYTES / 4)
 
