@@ -216,7 +216,7 @@ int cigi_read(struct cigi_reader *reader, struct cigi_packet *ret_packet,
         return decode_packet(reader, start, size, kind, ret_packet, ret_rejection);
     const char *name = cigi_id_name(g, id);
     reject(ret_rejection, REJECT_NONE, start, "packet %u, %s", id, name ? name : "unknown");
-    return CIGI_SKIPPED;
+    return name ? CIGI_SKIPPED : CIGI_UNKNOWN;
 }
 
 static void put(uint8_t *at, uint64_t bits, size_t bytes, bool big)

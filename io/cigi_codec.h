@@ -31,7 +31,9 @@ int cigi_read_begin(const void *data, size_t size, struct cigi_reader *ret_reade
 enum cigi_read {
     CIGI_END,
     CIGI_PACKET,
-    CIGI_SKIPPED, /* a packet that otwd does not know; ret_rejection->text says which */
+    CIGI_SKIPPED, /* a packet of the standard that otwd passes over; ret_rejection->text says which
+                   */
+    CIGI_UNKNOWN, /* one that the standard does not have; likewise */
 };
 
 /* The next packet. Returns enum cigi_read; or -EBADMSG for a packet that is refused: shorter than

@@ -13,7 +13,7 @@ const char *reject_reason_name(enum reject_reason reason)
         [REJECT_NONE] = "none",   [REJECT_SHORT] = "short",           [REJECT_LENGTH] = "length",
         [REJECT_MAGIC] = "magic", [REJECT_VERSION] = "version",       [REJECT_FIELD] = "field",
         [REJECT_RANGE] = "range", [REJECT_NOT_FINITE] = "not-finite", [REJECT_SENDER] = "sender",
-        [REJECT_LATE] = "late",
+        [REJECT_LATE] = "late",   [REJECT_REFERENCE] = "reference",   [REJECT_LIMIT] = "limit",
     };
     assert(reason < REJECT_REASONS);
     return names[reason];

@@ -22,6 +22,8 @@ enum reject_reason {
     REJECT_RANGE,      /* a finite number that cannot be, such as latitude 91 */
     REJECT_SENDER,     /* its sender is not on the allow-list */
     REJECT_LATE,       /* a duplicate, or older than what came before */
+    REJECT_REFERENCE,  /* it speaks of something that is not there */
+    REJECT_LIMIT,      /* more of something than there may be */
     REJECT_REASONS
 };
 
