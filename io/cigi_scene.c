@@ -135,7 +135,7 @@ static int check_parent(const struct cigi_scene *scene, uint16_t id, uint16_t pa
                         struct rejection *ret_rejection)
 {
     uint16_t above = parent;
-    for (int depth = 0; depth < CIGI_DEPTH_MAX; depth++) {
+    for (int depth = 0; depth < CIGI_DEPTH_MAX - 1; depth++) {
         const struct cigi_entity *entity = cigi_scene_entity(scene, above);
         if (!entity)
             return no_entity(above, ret_rejection);
