@@ -10,7 +10,7 @@
 #define BYTE_SWAP     0x8000u /* in the sender's own byte order */
 #define HEAD_3_1      16      /* bytes of IG Control and Start of Frame before 3.2 */
 #define HEAD          24      /* and since */
-#define PLACE_MOST    1e8     /* of what is a double: degrees or metres */
+#define PLACE_MOST    1e9     /* of what is a double: degrees or metres */
 #define WHOLE_SECONDS 60      /* Celestial Sphere of 4.0: see take_seconds() */
 
 static int generation(const struct cigi_format *format)

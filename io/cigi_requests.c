@@ -233,6 +233,8 @@ static enum reject_reason find_vector(const struct finder *finder,
 {
     struct geodetic source;
     struct pose base = {.valid = 0};
+    question->ask = CIGI_ASK_SIGHT;
+    question->detailed = request->extended;
     enum reject_reason reason =
         find_place(finder, request->from_of_entity, request->entity, request->from, &source);
     if (reason != REJECT_NONE)
@@ -254,8 +256,6 @@ static enum reject_reason find_vector(const struct finder *finder,
     geocentric_from_geodetic(&source, source_m);
     question->from = along(source_m, direction, least_m);
     question->to = along(source_m, direction, most_m);
-    question->ask = CIGI_ASK_SIGHT;
-    question->detailed = request->extended;
     return REJECT_NONE;
 }
 
@@ -266,6 +266,15 @@ static void put_position(struct cigi_position_response *response, const double p
     response->roll_deg = (float)attitude->roll_deg;
     response->pitch_deg = (float)attitude->pitch_deg;
     response->yaw_deg = (float)attitude->heading_deg;
+}
+
+/* What its rates have moved out of this world has no place. */
+static bool position_is_told(const struct cigi_position_response *response)
+{
+    const double *place = response->place;
+    return fabs(place[0]) <= DECODE_HEIGHT_MAX_M && fabs(place[1]) <= DECODE_HEIGHT_MAX_M &&
+           fabs(place[2]) <= DECODE_HEIGHT_MAX_M && isfinite(response->roll_deg) &&
+           isfinite(response->pitch_deg) && isfinite(response->yaw_deg);
 }
 
 static const struct cigi_view *view_of(const struct cigi_scene *scene,
@@ -344,7 +353,7 @@ static enum reject_reason find_position(const struct finder *finder,
     if (!place)
         return REJECT_REFERENCE;
     put_position(response, place, &attitude);
-    return REJECT_NONE;
+    return position_is_told(response) ? REJECT_NONE : REJECT_RANGE;
 }
 
 /* Gives a request its place; `ready` where nobody need be asked. */
