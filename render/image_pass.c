@@ -6,34 +6,37 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "geo/cube.h"
+#include "geo/frames.h"
 #include "render/mapped_buffer.h"
 #include "render/program.h"
 #include "terrain/imagery.h"
 
-#define DEGREE          (M_PI / 180.0)
 #define WGS84_A         6378137.0
 #define BUFFERED_FRAMES 4
 #define UPLOAD_GROUP    64   /* texels of a work group of image_upload.comp */
 #define PIXEL_RAD       1e-3 /* until a view is known */
 
-/* A finer level ends within this share of what the coarser one holds, even while the two have
- * different longitude factors. */
+/* A finer level ends within this share of what the coarser one holds; while the two lie on
+ * different planes, it may be turned against it and its texels larger. */
 #define INSIDE_COARSER 0.8
+#define INSIDE_TURNED  0.5
 
 enum { TEXTURE_COLOUR = 4, TEXTURE_WATER = 5, BLOCK_IMAGES = 1 };
 
 /* The uniform block `Images` of images.glsl (std140). */
-struct images_level {
-    float place[4];
-    float extent[4];
+struct images_plane {
+    float along[4], across[4], toward[4];
 };
 
 struct images_block {
     float range[4];
-    struct images_level levels[IMAGE_CLIPMAP_LEVELS_MAX];
+    int32_t split[4];
+    struct images_plane planes[2];
+    float levels[IMAGE_CLIPMAP_LEVELS_MAX][4];
 };
 
-_Static_assert(sizeof(struct images_block) == 16 + 32 * IMAGE_CLIPMAP_LEVELS_MAX, "std140");
+_Static_assert(offsetof(struct images_block, levels) == 128, "std140");
 
 struct image_pass {
     struct image_shape shape;
@@ -227,11 +230,13 @@ void image_pass_upload(struct image_pass *pass)
 
 bool image_pass_complete(const struct image_pass *pass, const struct geodetic *eye, double height_m)
 {
+    double normal[3];
     if (!pass)
         return true;
+    cube_normal_from_geodetic(eye->lat_deg, eye->lon_deg, normal);
     for (int level = finest_level(pass, height_m); level < pass->shape.levels; level++)
-        if (image_clipmap_held(&pass->shape, level, &pass->layout.windows[level], eye->lat_deg,
-                               eye->lon_deg) < image_clipmap_reach(&pass->shape))
+        if (image_clipmap_held(&pass->shape, level, &pass->layout.windows[level], normal) <
+            image_clipmap_reach(&pass->shape))
             return false;
     return true;
 }
@@ -243,25 +248,62 @@ static float storage_place(double texel, int side)
     return (float)(sides - floor(sides));
 }
 
-/* Returns how far from the eye the level is drawn, in texels, at most `most`. */
-static double set_level(const struct image_pass *pass, int level, const struct geodetic *eye,
-                        double most, struct images_level *ret_level)
+/* A plane as the eye sees it; offsets from there are in sides of level 0. */
+static void set_plane(const struct image_shape *shape, int plane, const double enu_axes[3][3],
+                      struct images_plane *ret_plane)
+{
+    double axes[3][3], enu[3][3];
+    image_plane_axes(plane, axes);
+    for (int i = 0; i < 3; i++)
+        frames_rotate(enu_axes, axes[i], enu[i]);
+    double toward = enu[0][2], scale = 1.0 / (toward * shape->step_rad * shape->side);
+    for (int i = 0; i < 3; i++) {
+        ret_plane->along[i] = (float)(scale * (enu[1][i] - enu[1][2] / toward * enu[0][i]));
+        ret_plane->across[i] = (float)(scale * (enu[2][i] - enu[2][2] / toward * enu[0][i]));
+        ret_plane->toward[i] = (float)(enu[0][i] / toward);
+    }
+}
+
+/* Where the eye is on a level, and how far from there it is drawn, at most `most` texels; returns
+ * that. */
+static double set_level(const struct image_pass *pass, int level, const double normal[3],
+                        double most, float ret_level[4])
 {
     const struct image_window *window = &pass->layout.windows[level];
-    double side = pass->shape.side, row = 0.0, col = 0.0, lon_factor = window->lon_factor;
-    double reach =
-        fmin(image_clipmap_held(&pass->shape, level, window, eye->lat_deg, eye->lon_deg), most);
+    double side = pass->shape.side, row = 0.0, col = 0.0;
+    double reach = fmin(image_clipmap_held(&pass->shape, level, window, normal), most);
     if (reach > 0.0)
-        image_clipmap_texel(&pass->shape, level, window, eye->lat_deg, eye->lon_deg, &row, &col);
-    else
-        lon_factor = 1.0;
-    double sides_a_radian = 1.0 / (side * ldexp(pass->shape.step_deg, level) * DEGREE);
-    *ret_level = (struct images_level){
-        .place = {storage_place(col, pass->shape.side), storage_place(row, pass->shape.side),
-                  (float)(sides_a_radian / lon_factor), (float)sides_a_radian},
-        .extent = {(float)(reach / side), (float)pass->layout.layers[level]},
-    };
+        image_clipmap_texel(&pass->shape, level, window->plane, normal, &row, &col);
+    ret_level[0] = storage_place(col, pass->shape.side);
+    ret_level[1] = storage_place(row, pass->shape.side);
+    ret_level[2] = (float)(reach / side);
+    ret_level[3] = (float)pass->layout.layers[level];
     return reach;
+}
+
+/* All levels; those below the first whose plane is another have that, and where there is a third
+ * one, after a jump, they are not drawn. */
+static void set_levels(const struct image_pass *pass, const double normal[3],
+                       const double enu_axes[3][3], struct images_block *block)
+{
+    int planes[2] = {0, 0}, levels = pass->shape.levels, split = 0;
+    double most = pass->shape.side;
+    for (int level = levels - 1; level >= 0; level--) {
+        int plane = pass->layout.windows[level].plane, which = planes[1] != 0;
+        if (plane && plane != planes[which]) {
+            which += planes[which] != 0;
+            split = which ? level + 1 : 0;
+            most *= which ? INSIDE_TURNED : 1.0;
+            if (which < 2)
+                planes[which] = plane;
+        }
+        double reach = set_level(pass, level, normal, which < 2 ? most : 0.0, block->levels[level]);
+        most = 2.0 * INSIDE_COARSER * reach;
+    }
+    for (int i = 0; i < 2; i++)
+        if (planes[i])
+            set_plane(&pass->shape, planes[i], enu_axes, &block->planes[i]);
+    block->split[0] = split;
 }
 
 void image_pass_prepare(struct image_pass *pass, const struct geodetic *eye, double height_m,
@@ -270,16 +312,17 @@ void image_pass_prepare(struct image_pass *pass, const struct geodetic *eye, dou
     if (!pass)
         return;
     const struct image_shape *shape = &pass->shape;
+    double normal[3], enu_axes[3][3];
+    cube_normal_from_geodetic(eye->lat_deg, eye->lon_deg, normal);
+    frames_enu_axes_ecef(eye->lat_deg, eye->lon_deg, enu_axes);
     pass->pixel_rad = pixel_rad;
     pass->block = (pass->block + 1) % BUFFERED_FRAMES;
     struct images_block *block = mapped_buffer_part(&pass->blocks, pass->block);
     block->range[0] = (float)finest_level(pass, height_m);
     block->range[1] = (float)(shape->levels - 1);
-    block->range[2] = (float)(pixel_rad / (shape->step_deg * DEGREE * WGS84_A));
+    block->range[2] = (float)(pixel_rad / (shape->step_rad * WGS84_A));
     block->range[3] = 16.0f; /* a level fades over a sixteenth of its side */
-    double most = shape->side;
-    for (int level = shape->levels - 1; level >= 0; level--)
-        most = 2.0 * INSIDE_COARSER * set_level(pass, level, eye, most, &block->levels[level]);
+    set_levels(pass, normal, enu_axes, block);
 }
 
 void image_pass_bind(const struct image_pass *pass)

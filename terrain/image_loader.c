@@ -10,12 +10,12 @@
 
 #include "base/latest.h"
 #include "base/ring.h"
-#include "terrain/clipmap.h"
+#include "geo/cube.h"
 #include "terrain/imagery.h"
 
 struct wish {
     uint64_t number; /* 1, 2, ... */
-    double lat_deg, lon_deg;
+    double normal[3];
     int finest;
 };
 
@@ -71,32 +71,42 @@ static void multiply_alpha(const uint8_t (*rgba)[4], size_t count, struct image_
     }
 }
 
-/* Fills the update with a rectangle of a window's level. Without memory, which only a tile's first
- * use can lack, it is transparent. */
+/* Texels of a row that follow each other, in one cell of IMAGE_STRIP, on whose middle their spacing
+ * is measured: a texel's value depends on its address alone. */
+static void sample_run(struct image_loader *loader, int level, int plane, int64_t row, int64_t col,
+                       int count, size_t at)
+{
+    const struct image_shape *shape = &loader->params.shape;
+    double lat_deg[IMAGE_STRIP], lon_deg[IMAGE_STRIP], normal[3];
+    int64_t middle = (col & -IMAGE_STRIP) + IMAGE_STRIP / 2;
+    image_clipmap_places(shape, level, plane, row, middle, 1, lat_deg, lon_deg);
+    cube_normal_from_geodetic(lat_deg[0], lon_deg[0], normal);
+    image_clipmap_places(shape, level, plane, row, col, count, lat_deg, lon_deg);
+    double spacing_rad = ldexp(shape->step_rad, level) * image_plane_scale(plane, normal);
+    struct terrain_places places = {lat_deg, lon_deg, count, spacing_rad * (180.0 / M_PI)};
+    imagery_sample(loader->params.imagery, &places, loader->params.colour ? loader->rgba[at] : NULL,
+                   loader->params.water ? loader->water[at] : NULL);
+}
+
+/* Fills the update with a rectangle of a window's level. */
 static void sample(struct image_loader *loader, int level, int layer,
                    const struct image_window *window, int rows, int cols,
                    struct image_update *update)
 {
     const struct image_shape *shape = &loader->params.shape;
     size_t count = (size_t)rows * (size_t)cols;
-    double step_deg = ldexp(shape->step_deg, level);
-    struct terrain_grid grid = {.lat_step_deg = step_deg,
-                                .lon_step_deg = step_deg * window->lon_factor,
-                                .row0 = window->row0,
-                                .col0 = window->col0,
-                                .rows = rows,
-                                .cols = cols};
     update->layer = layer;
     update->row = (int)(window->row0 & (shape->side - 1));
     update->col = (int)(window->col0 & (shape->side - 1));
     update->rows = rows;
     update->cols = cols;
-    if (imagery_sample_grid(loader->params.imagery, &grid,
-                            loader->params.colour ? loader->rgba[0] : NULL,
-                            loader->params.water ? loader->water[0] : NULL) < 0) {
-        memset(loader->rgba, 0, count * sizeof(*loader->rgba));
-        memset(loader->water, 0, count * sizeof(*loader->water));
-    }
+    for (int row = 0; row < rows; row++)
+        for (int col = 0, run; col < cols; col += run) {
+            run = IMAGE_STRIP - (int)((window->col0 + col) & (IMAGE_STRIP - 1));
+            run = cols - col < run ? cols - col : run;
+            sample_run(loader, level, window->plane, window->row0 + row, window->col0 + col, run,
+                       (size_t)row * (size_t)cols + (size_t)col);
+        }
     if (update->colours)
         multiply_alpha((const uint8_t(*)[4])loader->rgba, count, update->colours);
     for (size_t i = 0; update->waters && i < count; i++)
@@ -120,8 +130,7 @@ static bool move_level(struct image_loader *loader, int level, const struct wish
 {
     const struct image_shape *shape = &loader->params.shape;
     struct image_window *window = &loader->layout.windows[level];
-    struct image_window to =
-        image_clipmap_place(shape, level, window, wish->lat_deg, wish->lon_deg);
+    struct image_window to = image_clipmap_place(shape, level, window->plane, wish->normal);
     int slack = image_clipmap_slack(shape), side = shape->side;
     int rows = step_towards(window->row0, to.row0, slack);
     int cols = rows ? 0 : step_towards(window->col0, to.col0, slack);
@@ -141,8 +150,7 @@ static bool move_level(struct image_loader *loader, int level, const struct wish
 static bool is_near(const struct image_loader *loader, int level, const struct image_window *window,
                     const struct wish *wish)
 {
-    return image_clipmap_held(&loader->params.shape, level, window, wish->lat_deg, wish->lon_deg) >=
-           0.0;
+    return image_clipmap_held(&loader->params.shape, level, window, wish->normal) >= 0.0;
 }
 
 /* The next rows of the level that is filled anew. With the last ones it takes its new layer. */
@@ -167,14 +175,12 @@ static bool start_filling(struct image_loader *loader, const struct wish *wish)
     const struct image_shape *shape = &loader->params.shape;
     for (int level = shape->levels - 1; level >= wish->finest; level--) {
         const struct image_window *window = &loader->layout.windows[level];
-        double lon_factor = image_clipmap_lon_factor(wish->lat_deg, window->lon_factor);
-        if (lon_factor == window->lon_factor && is_near(loader, level, window, wish))
+        int plane = image_plane_for(wish->normal, window->plane);
+        if (plane == window->plane && is_near(loader, level, window, wish))
             continue;
-        struct image_window near = {.lon_factor = lon_factor};
         loader->filling = level;
         loader->filled_rows = 0;
-        loader->filling_window =
-            image_clipmap_place(shape, level, &near, wish->lat_deg, wish->lon_deg);
+        loader->filling_window = image_clipmap_place(shape, level, plane, wish->normal);
         return true;
     }
     return false;
@@ -184,8 +190,7 @@ static bool start_filling(struct image_loader *loader, const struct wish *wish)
 static bool work(struct image_loader *loader, const struct wish *wish, struct image_update *update)
 {
     for (int level = loader->params.shape.levels - 1; level >= wish->finest; level--)
-        if (level != loader->filling &&
-            is_near(loader, level, &loader->layout.windows[level], wish) &&
+        if (is_near(loader, level, &loader->layout.windows[level], wish) &&
             move_level(loader, level, wish, update))
             return true;
     if (loader->filling >= 0 && !is_near(loader, loader->filling, &loader->filling_window, wish))
@@ -308,7 +313,8 @@ void image_loader_stop(struct image_loader *loader)
 void image_loader_wish(struct image_loader *loader, double lat_deg, double lon_deg, int finest)
 {
     uint64_t number = atomic_load_explicit(&loader->asked, memory_order_relaxed) + 1;
-    struct wish wish = {.number = number, .lat_deg = lat_deg, .lon_deg = lon_deg, .finest = finest};
+    struct wish wish = {.number = number, .finest = finest};
+    cube_normal_from_geodetic(lat_deg, lon_deg, wish.normal);
     latest_publish(&loader->wishes, &wish);
     atomic_store(&loader->asked, number);
     sem_post(&loader->woken);

@@ -16,16 +16,6 @@
 
 struct imagery;
 
-/* Posts at latitude (row0 + r) * lat_step_deg, r = 0 .. rows - 1, and longitude
- * (col0 + c) * lon_step_deg, c = 0 .. cols - 1. Rows run northwards. Longitude is not reduced: a
- * grid may run across the antimeridian (col * step beyond 180); latitudes beyond the poles ask for
- * the pole. */
-struct terrain_grid {
-    double lat_step_deg, lon_step_deg;
-    int64_t row0, col0;
-    int rows, cols;
-};
-
 /* Opens a database, keeping at most `cache_tiles` tiles (256 KiB each; at least 8). One without
  * imagery can be opened, too: all is transparent. Failures as database_open. */
 int imagery_open(const char *path, unsigned cache_tiles, struct imagery **ret_imagery,
@@ -54,12 +44,12 @@ int imagery_read_tile(struct imagery *imagery, struct tile_id id, uint8_t *ret_r
 /* The share of water in each of IMAGE_TEXELS, 255 = all; 0 where no mask says. As above. */
 int imagery_read_water(struct imagery *imagery, struct tile_id id, uint8_t *ret_water);
 
-/* At every post of a grid the colour [rows][cols][4] and the water [rows][cols][2]: the share of
- * the place that a mask says is water, and the share that a mask knows of. Either may be NULL. The
- * mean, falling off linearly to the neighbouring posts, of the texels around the post; between
- * texels, bilinear. Returns 0, -EINVAL, -ENOMEM. */
-int imagery_sample_grid(struct imagery *imagery, const struct terrain_grid *grid, uint8_t *ret_rgba,
-                        uint8_t *ret_water);
+/* At every place the colour [count][4] and the water [count][2]: the share of the place that a mask
+ * says is water, and the share that a mask knows of. Either may be NULL. The mean, falling off
+ * linearly over the spacing, of the texels around the place, on the ground; between texels,
+ * bilinear. Places that follow each other should be neighbours. Returns 0 or -EINVAL. */
+int imagery_sample(struct imagery *imagery, const struct terrain_places *places, uint8_t *ret_rgba,
+                   uint8_t *ret_water);
 
 /* One layer's tile, as above; NULL where the layer has nothing, which is not counted, or where
  * memory ran out. Valid until the next call. */

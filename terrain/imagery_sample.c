@@ -1,177 +1,132 @@
-/* Imagery on any regular grid. A row of texels is first brought to the columns of the posts, tile
- * by tile, since the longitude factor may change from one to the next; a row of posts is the
- * weighted mean of such rows, of which the last ones are kept. */
+/* Imagery at any places. Each is the weighted mean of the texels around it: a triangle that reaches
+ * as far as the places are apart, at least to the next texel. */
 #include <errno.h>
 #include <math.h>
-#include <stdlib.h>
-#include <string.h>
 
 #include "terrain/imagery.h"
 
-#define POSTS_MAX (1 << 20) /* a side */
-#define ROWS_KEPT 8         /* a power of two; a row of posts needs five at most, but at the top */
+#define DEGREE  (M_PI / 180.0)
+#define WIDEST  16 /* texels that a triangle reaches to each side along a parallel: at a pole */
+#define NO_TILE INT32_MIN
 
-/* What of a row of texels counts for each column of posts: from `first` on, round the globe. */
+/* What of a row of texels counts for a place: from `first` on, round the globe. */
 struct taps {
-    unsigned shift; /* the longitude factor for which this holds */
-    int most;       /* a column has, 0: nothing is known yet */
-    int64_t around; /* texels round the globe */
-    int64_t *first; /* [cols] */
-    float *weights; /* [cols][most], in all 1 */
-};
-
-/* A row of texels, brought to the columns of the posts: sums as image_texel_from_light has them. */
-struct kept_row {
-    int64_t row;
-    float (*sums)[4]; /* [cols] */
+    int32_t tile_row; /* for whose rows this holds */
+    unsigned shift;   /* their longitude factor */
+    int64_t around;   /* texels round the globe */
+    int64_t first;
+    int count;
+    float weights[2 * WIDEST + 1]; /* in all 1 */
 };
 
 struct sampling {
     struct imagery *imagery;
     const struct image_grid *grid;
-    const struct terrain_grid *posts;
     const struct image_light *light;
     enum image_kind kind;
     int level;
+    double spacing_deg;
+    int64_t lowest, highest; /* rows of texels that are true ones */
+    struct tile_id held;
+    const uint8_t *rgba; /* of that tile, NULL: there is none */
     struct taps taps;
-    struct kept_row kept[ROWS_KEPT];
-    float (*sums)[4]; /* of a row of posts */
 };
 
-/* The coarsest level whose texels are no further apart than the posts. */
-static int level_for(struct imagery *imagery, const struct terrain_grid *posts)
+/* The coarsest level whose texels are no further apart than the places. */
+static int level_for(struct imagery *imagery, double spacing_deg)
 {
     struct imagery_facts facts;
     imagery_get_facts(imagery, &facts);
-    double texel_deg = facts.finest_texel_deg, step_deg = posts->lat_step_deg * (1.0 + 1e-9);
+    double texel_deg = facts.finest_texel_deg;
     int level = facts.finest_level;
-    for (; level < facts.top_level && 2.0 * texel_deg <= step_deg; texel_deg *= 2.0)
+    for (; level < facts.top_level && 2.0 * texel_deg <= spacing_deg * (1.0 + 1e-9);
+         texel_deg *= 2.0)
         level++;
     return level;
 }
 
-/* The weight of a texel so far from a place: a triangle that reaches `width` to both sides. */
-static double triangle(double distance, double width)
+/* The weights of the texels around a place on one axis; `ret_first` is the first of them. Returns
+ * their number. */
+static int triangle(double place, double reach, int64_t *ret_first, float *ret_weights)
 {
-    double weight = 1.0 - fabs(distance) / width;
-    return weight > 0.0 ? weight : 0.0;
+    int64_t first = (int64_t)floor(place - reach) + 1;
+    int count = 0;
+    double total = 0.0, weight;
+    for (; (weight = reach - fabs((double)(first + count) - place)) > 0.0; count++) {
+        ret_weights[count] = (float)weight;
+        total += weight;
+    }
+    for (int i = 0; i < count; i++)
+        ret_weights[i] *= (float)(1.0 / total);
+    *ret_first = first;
+    return count;
 }
 
-/* A row of texels of one tile, from its first column on; NULL where there is none. */
-static const uint8_t *texel_row(struct sampling *sampling, int64_t row, int64_t tile_col)
-{
-    struct tile_id id = {sampling->level, (int32_t)grid_floor_div(row, IMAGE_SIDE),
-                         (int32_t)tile_col};
-    const uint8_t *rgba = imagery_tile(sampling->imagery, sampling->kind, id);
-    return rgba ? rgba + 4 * IMAGE_SIDE * (row - (int64_t)id.row * IMAGE_SIDE) : NULL;
-}
-
-static void add_texel(const struct image_light *light, const uint8_t *texel, float weight,
-                      float sums[4])
-{
-    float share = weight * (float)texel[3] / 255.0f;
-    for (int band = 0; band < 3; band++)
-        sums[band] += share * light->linear[texel[band]];
-    sums[3] += share;
-}
-
-/* The weights for a longitude factor. Returns 0 or -ENOMEM. */
-static int make_taps(struct sampling *sampling, unsigned shift)
+/* The columns around a place in the rows of a tile row. */
+static void aim(struct sampling *sampling, int32_t tile_row, double lat_deg, double lon_deg)
 {
     const struct grid *grid = &sampling->grid->grid;
-    const struct terrain_grid *posts = sampling->posts;
     struct taps *taps = &sampling->taps;
     int level = sampling->level + sampling->grid->finer;
-    double width = fmax(1.0, posts->lon_step_deg / (0.5 * grid_lon_step_deg(grid, level, shift)));
-    int most = 2 * (int)ceil(width) + 1;
-    float *weights = realloc(taps->weights, (size_t)posts->cols * (size_t)most * sizeof(*weights));
-    if (!weights)
-        return -ENOMEM;
-    taps->weights = weights;
-    taps->most = most;
-    taps->shift = shift;
-    taps->around = image_grid_cols(sampling->grid, sampling->level, shift);
-    for (int col = 0; col < posts->cols; col++, weights += most) {
-        double lon_deg = (double)(posts->col0 + col) * posts->lon_step_deg;
-        lon_deg -= 360.0 * floor((lon_deg + 180.0) / 360.0);
-        double x = 2.0 * grid_col_at(grid, level, shift, lon_deg) - 0.5, total = 0.0;
-        int64_t first = (int64_t)floor(x - width) + 1;
-        for (int i = 0; i < most; i++)
-            total += triangle((double)(first + i) - x, width);
-        for (int i = 0; i < most; i++)
-            weights[i] = (float)(triangle((double)(first + i) - x, width) / total);
-        taps->first[col] = first - grid_floor_div(first, taps->around) * taps->around;
-    }
-    return 0;
+    taps->tile_row = tile_row;
+    taps->shift = grid_lon_shift(grid, level, tile_row);
+    taps->around = image_grid_cols(sampling->grid, sampling->level, taps->shift);
+    lon_deg -= 360.0 * floor((lon_deg + 180.0) / 360.0);
+    double texel_deg =
+        0.5 * grid_lon_step_deg(grid, level, taps->shift) * fmax(cos(lat_deg * DEGREE), 1e-9);
+    double reach = fmin(fmax(1.0, sampling->spacing_deg / texel_deg), WIDEST);
+    taps->count = triangle(2.0 * grid_col_at(grid, level, taps->shift, lon_deg) - 0.5, reach,
+                           &taps->first, taps->weights);
+    taps->first -= grid_floor_div(taps->first, taps->around) * taps->around;
 }
 
-/* Brings a row of texels to the columns of the posts. */
-static int bring_row(struct sampling *sampling, int64_t row, float (*ret_sums)[4])
+static void hold(struct sampling *sampling, int32_t tile_row, int32_t tile_col)
 {
-    struct taps *taps = &sampling->taps;
-    unsigned shift = grid_lon_shift(&sampling->grid->grid, sampling->level + sampling->grid->finer,
-                                    (int32_t)grid_floor_div(row, IMAGE_SIDE));
-    if ((taps->most == 0 || taps->shift != shift) && make_taps(sampling, shift) < 0)
-        return -ENOMEM;
-    int64_t held = -1;
-    const uint8_t *texels = NULL;
-    const float *weights = taps->weights;
-    memset(ret_sums, 0, (size_t)sampling->posts->cols * sizeof(*ret_sums));
-    for (int col = 0; col < sampling->posts->cols; col++, weights += taps->most) {
-        int64_t at = taps->first[col];
-        for (int i = 0; i < taps->most; i++, at = at + 1 < taps->around ? at + 1 : 0) {
-            if (weights[i] <= 0.0f)
-                continue;
-            if (at / IMAGE_SIDE != held) {
-                held = at / IMAGE_SIDE;
-                texels = texel_row(sampling, row, held);
-            }
-            if (texels)
-                add_texel(sampling->light, texels + 4 * (at - held * IMAGE_SIDE), weights[i],
-                          ret_sums[col]);
-        }
-    }
-    return 0;
+    if (sampling->held.row == tile_row && sampling->held.col == tile_col)
+        return;
+    sampling->held = (struct tile_id){sampling->level, tile_row, tile_col};
+    sampling->rgba = imagery_tile(sampling->imagery, sampling->kind, sampling->held);
 }
 
-/* A row of texels at the columns of the posts; NULL without memory. Valid until the next call. */
-static const float (*row_of(struct sampling *sampling, int64_t row))[4]
+static void add_row(struct sampling *sampling, int64_t row, float weight, float sums[4])
 {
-    struct kept_row *kept = &sampling->kept[row & (ROWS_KEPT - 1)];
-    if (kept->row != row) {
-        kept->row = INT64_MIN;
-        if (bring_row(sampling, row, kept->sums) < 0)
-            return NULL;
-        kept->row = row;
+    const struct taps *taps = &sampling->taps;
+    const float *linear = sampling->light->linear;
+    int64_t at = taps->first, row_in_tile = row - (int64_t)taps->tile_row * IMAGE_SIDE;
+    for (int i = 0; i < taps->count; i++, at = at + 1 < taps->around ? at + 1 : 0) {
+        hold(sampling, taps->tile_row, (int32_t)(at / IMAGE_SIDE));
+        if (!sampling->rgba)
+            continue;
+        const uint8_t *texel = sampling->rgba + 4 * (IMAGE_SIDE * row_in_tile + at % IMAGE_SIDE);
+        float share = weight * taps->weights[i] * (float)texel[3] * (1.0f / 255.0f);
+        for (int band = 0; band < 3; band++)
+            sums[band] += share * linear[texel[band]];
+        sums[3] += share;
     }
-    return (const float(*)[4])kept->sums;
 }
 
-/* Sums over the rows of texels around a row of posts. */
-static int sum_row(struct sampling *sampling, int post_row)
+/* Sums as image_texel_from_light has them. */
+static void sum_around(struct sampling *sampling, double lat_deg, double lon_deg, float ret_sums[4])
 {
     const struct grid *grid = &sampling->grid->grid;
-    const struct terrain_grid *posts = sampling->posts;
     int level = sampling->level + sampling->grid->finer;
-    double lat_deg = (double)(posts->row0 + post_row) * posts->lat_step_deg, total = 0.0;
-    double width = fmax(1.0, posts->lat_step_deg / (0.5 * grid_lat_step_deg(grid, level)));
-    double y = 2.0 * grid_row_at(grid, level, fmin(fmax(lat_deg, -90.0), 90.0)) - 0.5;
-    int64_t first = (int64_t)floor(y - width) + 1, last = (int64_t)ceil(y + width) - 1;
-    int64_t lowest, highest;
-    image_grid_rows(sampling->grid, sampling->level, &lowest, &highest);
-    for (int64_t i = first; i <= last; i++)
-        total += triangle((double)i - y, width);
-    memset(sampling->sums, 0, (size_t)posts->cols * sizeof(*sampling->sums));
-    for (int64_t i = first; i <= last; i++) {
-        float weight = (float)(triangle((double)i - y, width) / total);
-        const float(*row)[4] = row_of(sampling, i < lowest ? lowest : i > highest ? highest : i);
-        if (!row)
-            return -ENOMEM;
-        for (int col = 0; col < posts->cols; col++)
-            for (int band = 0; band < 4; band++)
-                sampling->sums[col][band] += weight * row[col][band];
+    double reach = fmax(1.0, sampling->spacing_deg / (0.5 * grid_lat_step_deg(grid, level)));
+    float weights[8]; /* the reach is less than 2, but at the top */
+    int64_t first;
+    int count = triangle(2.0 * grid_row_at(grid, level, fmin(fmax(lat_deg, -90.0), 90.0)) - 0.5,
+                         fmin(reach, 3.0), &first, weights);
+    sampling->taps.tile_row = NO_TILE;
+    for (int band = 0; band < 4; band++)
+        ret_sums[band] = 0.0f;
+    for (int i = 0; i < count; i++) {
+        int64_t row = first + i;
+        row = row < sampling->lowest ? sampling->lowest : row;
+        row = row > sampling->highest ? sampling->highest : row;
+        int32_t tile_row = (int32_t)grid_floor_div(row, IMAGE_SIDE);
+        if (tile_row != sampling->taps.tile_row)
+            aim(sampling, tile_row, lat_deg, lon_deg);
+        add_row(sampling, row, weights[i], ret_sums);
     }
-    return 0;
 }
 
 static void water_from_light(const float sums[4], uint8_t ret_water[2])
@@ -180,50 +135,37 @@ static void water_from_light(const float sums[4], uint8_t ret_water[2])
     ret_water[1] = (uint8_t)lrintf(255.0f * fminf(sums[3], 1.0f));
 }
 
-static int sample_kind(struct sampling *sampling, enum image_kind kind, uint8_t *ret_rgba,
-                       uint8_t *ret_water)
+static struct sampling start(struct imagery *imagery, enum image_kind kind, double spacing_deg)
 {
-    int r = 0;
-    sampling->kind = kind;
-    sampling->light = image_light_of(kind);
-    for (int i = 0; i < ROWS_KEPT; i++)
-        sampling->kept[i].row = INT64_MIN;
-    for (int row = 0; row < sampling->posts->rows && r == 0; row++) {
-        r = sum_row(sampling, row);
-        for (int col = 0; col < sampling->posts->cols && r == 0; col++) {
-            size_t at = (size_t)row * (size_t)sampling->posts->cols + (size_t)col;
-            if (ret_rgba)
-                image_texel_from_light(sampling->light, sampling->sums[col], ret_rgba + 4 * at);
-            else
-                water_from_light(sampling->sums[col], ret_water + 2 * at);
-        }
-    }
-    return r;
+    struct sampling sampling = {
+        .imagery = imagery,
+        .grid = imagery_grid(imagery),
+        .light = image_light_of(kind),
+        .kind = kind,
+        .level = level_for(imagery, spacing_deg),
+        .spacing_deg = spacing_deg,
+        .held = {.row = NO_TILE},
+    };
+    image_grid_rows(sampling.grid, sampling.level, &sampling.lowest, &sampling.highest);
+    return sampling;
 }
 
-int imagery_sample_grid(struct imagery *imagery, const struct terrain_grid *grid, uint8_t *ret_rgba,
-                        uint8_t *ret_water)
+int imagery_sample(struct imagery *imagery, const struct terrain_places *places, uint8_t *ret_rgba,
+                   uint8_t *ret_water)
 {
-    if (!(grid->lat_step_deg > 0.0) || !(grid->lon_step_deg > 0.0) || grid->rows < 0 ||
-        grid->cols < 0 || grid->rows > POSTS_MAX || grid->cols > POSTS_MAX)
+    if (!(places->spacing_deg > 0.0))
         return -EINVAL;
-    struct sampling sampling = {.imagery = imagery,
-                                .grid = imagery_grid(imagery),
-                                .posts = grid,
-                                .level = level_for(imagery, grid)};
-    size_t cols = (size_t)grid->cols;
-    float(*rows)[4] = malloc((ROWS_KEPT + 1) * (cols + 1) * sizeof(*rows));
-    sampling.taps.first = malloc((cols + 1) * sizeof(*sampling.taps.first));
-    sampling.sums = rows;
-    for (size_t i = 0; i < ROWS_KEPT && rows; i++)
-        sampling.kept[i].sums = rows + (i + 1) * cols;
-    int r = rows && sampling.taps.first ? 0 : -ENOMEM;
-    if (r == 0 && ret_rgba)
-        r = sample_kind(&sampling, IMAGE_COLOUR, ret_rgba, NULL);
-    if (r == 0 && ret_water)
-        r = sample_kind(&sampling, IMAGE_WATER, NULL, ret_water);
-    free(rows);
-    free(sampling.taps.first);
-    free(sampling.taps.weights);
-    return r;
+    struct sampling colour = start(imagery, IMAGE_COLOUR, places->spacing_deg);
+    for (int i = 0; ret_rgba && i < places->count; i++) {
+        float sums[4];
+        sum_around(&colour, places->lat_deg[i], places->lon_deg[i], sums);
+        image_texel_from_light(colour.light, sums, ret_rgba + 4 * i);
+    }
+    struct sampling water = start(imagery, IMAGE_WATER, places->spacing_deg);
+    for (int i = 0; ret_water && i < places->count; i++) {
+        float sums[4];
+        sum_around(&water, places->lat_deg[i], places->lon_deg[i], sums);
+        water_from_light(sums, ret_water + 2 * i);
+    }
+    return 0;
 }

@@ -59,8 +59,7 @@ static inline struct imagery *open_imagery(const char *path)
     return imagery;
 }
 
-/* The colour and the water at a place, as a grid of one post, so dense that the finest texels
- * count. */
+/* The colour and the water at a place, of the finest texels. */
 struct seen {
     uint8_t rgba[4], water;
 };
@@ -69,10 +68,8 @@ static inline struct seen see(struct imagery *imagery, double lat_deg, double lo
 {
     struct seen seen = {{0}, 0};
     uint8_t water[2];
-    const double step_deg = 1e-7;
-    struct terrain_grid grid = {
-        step_deg, step_deg, llrint(lat_deg / step_deg), llrint(lon_deg / step_deg), 1, 1};
-    CHECK_INT(imagery_sample_grid(imagery, &grid, seen.rgba, water), 0);
+    struct terrain_places place = {&lat_deg, &lon_deg, 1, 1e-7};
+    CHECK_INT(imagery_sample(imagery, &place, seen.rgba, water), 0);
     seen.water = water[0];
     return seen;
 }

@@ -4,8 +4,15 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "terrain/imagery.h"
 #include "terrain/source.h"
+
+/* Posts at latitude (row0 + r) * lat_step_deg, r = 0 .. rows - 1, and longitude
+ * (col0 + c) * lon_step_deg, c = 0 .. cols - 1. Rows run northwards. Longitude is not reduced. */
+struct terrain_grid {
+    double lat_step_deg, lon_step_deg;
+    int64_t row0, col0;
+    int rows, cols;
+};
 
 struct grid_places {
     double *lat_deg, *lon_deg;

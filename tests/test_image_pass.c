@@ -1,6 +1,7 @@
 /* Imagery in the drawn frame: that it lies where it was imported, what it covers, and what stands
  * in for what is not there. The ground is flat, so that a pixel's place is known to a millimetre.
  */
+#include "geo/cube.h"
 #include "tests/imagery_fixture.h"
 #include "tests/render_fixture.h"
 
@@ -11,6 +12,7 @@
 #define GROUND_M     100.0
 #define MASK_UNKNOWN 128.0
 #define CHECKER_SIDE 512 /* pixels */
+#define CUBE         0.061
 
 static uint32_t colours[WIDTH * HEIGHT], other[WIDTH * HEIGHT];
 static float depth[WIDTH * HEIGHT];
@@ -154,7 +156,7 @@ static int count_misplaced(const struct view *view, double lat_deg, double lon_d
     return misplaced;
 }
 
-/* On both hemispheres, where bands of longitude spacing meet, on the antimeridian and near 80. */
+/* On both hemispheres, where planes meet, on the antimeridian and near 80. */
 static const double places[][2] = {
     {46.5, 8.0},   {0.0, 0.0},     {-33.9, 18.4}, {23.5, -120.0}, {39.6, 100.0},
     {60.0, -22.0}, {-52.3, -70.0}, {12.0, 180.0}, {-5.0, -180.0}, {78.5, 15.0},
@@ -439,6 +441,91 @@ static void a_damaged_tile_is_shown_by_its_parent(void)
     close_scene(&scene);
 }
 
+/* Of a cube of space: red or green, on the globe. */
+static bool is_red(const double normal[3])
+{
+    int sum = 0;
+    for (int i = 0; i < 3; i++)
+        sum += (int)floor(normal[i] / CUBE);
+    return sum & 1;
+}
+
+static void cubes(double lon, double lat, double ret_bands[4])
+{
+    double normal[3];
+    cube_normal_from_geodetic(lat, lon, normal);
+    ret_bands[0] = is_red(normal) ? 220.0 : 40.0;
+    ret_bands[1] = 260.0 - ret_bands[0];
+    ret_bands[2] = 40.0;
+}
+
+static bool near_a_side(const double normal[3])
+{
+    for (int i = 0; i < 3; i++)
+        if (fabs(remainder(normal[i], CUBE)) < 0.012)
+            return true;
+    return false;
+}
+
+/* From orbit: at the poles, beside the antimeridian, where the planes of windows meet. */
+static void the_globe_is_whole(void)
+{
+    static const double eyes[][2] = {{90.0, 0.0},    {-90.0, 0.0}, {88.0, 100.0}, {-80.0, 30.0},
+                                     {10.0, 179.95}, {22.5, 5.0},  {47.0, 22.5},  {-63.0, -112.0}};
+    static const struct made globe = {720, 360, -180.0, 90.0, 0.5, -0.5, 4326, GDT_Byte, NAN, 0.0};
+    struct scene_under_test scene = {0};
+    make_image(in("cubes.tif"), &globe, 3, cubes);
+    add_image("cubes.db", "--imagery", 46.5, 8.0, 64, 3, cubes); /* brings heights */
+    check_run(run("--imagery '%s' --layer globe --quality 100 -o '%s' -q", in("cubes.tif"),
+                  in("cubes.db")),
+              0);
+    if (!open_with_imagery("cubes.db", flat_ground, &scene))
+        return;
+    int total = 0;
+    for (size_t e = 0; e < sizeof(eyes) / sizeof(eyes[0]); e++)
+        for (int pitch_deg = -90; pitch_deg <= -40; pitch_deg += 25) {
+            struct view view = plain_view(eyes[e][0], eyes[e][1], 400e3, 70.0, pitch_deg);
+            int counted = 0, wrong = 0;
+            draw_places(&scene, &view);
+            for (int i = 0; i < WIDTH * HEIGHT; i++) {
+                double normal[3];
+                if (isnan(pixels[3 * i]) || distance_m(&view, i) > 1500e3)
+                    continue;
+                cube_normal_from_geodetic(pixels[3 * i], pixels[3 * i + 1], normal);
+                if (near_a_side(normal))
+                    continue;
+                const uint8_t *rgba = colour_of(colours, i);
+                counted++;
+                wrong += (rgba[0] > rgba[1]) != is_red(normal);
+            }
+            total += counted;
+            if (wrong > 0)
+                CHECK_FAIL("from %g %g, pitched by %d, %d of %d pixels show another cube",
+                           eyes[e][0], eyes[e][1], pitch_deg, wrong, counted);
+        }
+    CHECK(total > 100000);
+    close_scene(&scene);
+}
+
+/* Northwards until the plane that touches at 0 0 is left for another, and back. */
+static void planes_change_without_a_hole(void)
+{
+    struct scene_under_test scene = {0};
+    make_magenta();
+    if (!open_with_imagery("magenta.db", flat_ground, &scene))
+        return;
+    struct view view = plain_view(30.9, 3.0, 2000.0, 20.0, -20.0);
+    int holes = 0;
+    draw_places(&scene, &view);
+    for (int i = 0; i < 100; i++) {
+        view = plain_view(30.9 + 1.8 * sin(i * 0.0314), 3.0, 2000.0, 20.0, -20.0);
+        draw_hastily(&scene, &view);
+        holes += count_holes(depth, colours);
+    }
+    CHECK_INT(holes, 0);
+    close_scene(&scene);
+}
+
 /* At night photographs are as dark as all else. */
 static void night_falls_on_photographs(void)
 {
@@ -470,6 +557,8 @@ int main(void)
         {"the way there is not seen", the_way_there_is_not_seen},
         {"a damaged tile is shown by its parent, and counted",
          a_damaged_tile_is_shown_by_its_parent},
+        {"the globe is whole", the_globe_is_whole},
+        {"planes change without a hole", planes_change_without_a_hole},
         {"night falls on photographs", night_falls_on_photographs},
     };
     return render_tests_main(tests, sizeof(tests) / sizeof(tests[0]), import_tests_main);

@@ -159,7 +159,7 @@ static void test_globe(void)
     imagery_close(imagery);
 }
 
-/* A coarse grid gets means: stripes of a texel each are grey, in linear light. */
+/* Places far apart get means: stripes of a texel each are grey, in linear light. */
 static void test_filter(void)
 {
     struct made made = {960, 480, 10.0, 45.8, 1 / 960.0, -1 / 960.0, 4326, GDT_Byte, NAN, 0.0};
@@ -174,14 +174,14 @@ static void test_filter(void)
     check_seen(imagery, 45.6, 10.5 + 0.5 / 960.0, (int[4]){0, 0, 0, 255}, 0);
     check_seen(imagery, 45.6, 10.5 + 1.5 / 960.0, (int[4]){255, 255, 255, 255}, 0);
     for (int step = 4; step <= 32; step *= 2) {
-        struct terrain_grid grid = {step / 960.0,
-                                    step / 960.0,
-                                    llrint(45.6 * 960.0 / step),
-                                    llrint(10.4 * 960.0 / step),
-                                    5,
-                                    5};
+        double lats_deg[25], lons_deg[25];
+        for (int i = 0; i < 25; i++) {
+            lats_deg[i] = 45.6 + (i / 5 + 0.3 * (i % 5)) * step / 960.0;
+            lons_deg[i] = 10.4 + (i % 5 - 0.3 * (i / 5)) * step / 960.0;
+        }
+        struct terrain_places places = {lats_deg, lons_deg, 25, step / 960.0};
         uint8_t rgba[100];
-        CHECK_INT(imagery_sample_grid(imagery, &grid, rgba, NULL), 0);
+        CHECK_INT(imagery_sample(imagery, &places, rgba, NULL), 0);
         for (int i = 0; i < 100; i++)
             CHECK_NEAR(rgba[i], i % 4 == 3 ? 255 : 188, 1); /* half the light */
     }

@@ -6,15 +6,19 @@
 
 const int IMAGE_LEVELS_MAX = 20;
 
-struct ImageLevel {
-    vec4 place;  // xy: the eye in the storage; zw: what a radian is there; in sides of the storage
-    vec4 extent; // x: how far from the eye the level is drawn, in sides; y: its layer
+// A plane that touches the Earth: offsets from the eye on it are (along, across) . dn / (1 + toward .
+// dn) sides of level 0's storage, dn the difference of the normals.
+struct ImagePlane {
+    vec4 along, across, toward;
 };
 
 layout(std140, binding = 1) uniform Images {
-    vec4 range; // finest and coarsest level; texels of level 0 that a pixel covers at 1 m; 1 / width of
-                // the rim over which a level fades, in sides
-    ImageLevel levels[IMAGE_LEVELS_MAX];
+    vec4 range;  // finest and coarsest level; texels of level 0 that a pixel covers at 1 m; 1 / width
+                 // of the rim over which a level fades, in sides
+    ivec4 split; // x: the finest level on the first plane
+    ImagePlane planes[2];
+    vec4 levels[IMAGE_LEVELS_MAX]; // xy: the eye in the storage; z: how far from the eye the level is
+                                   // drawn, in sides; w: its layer
 } images;
 
 layout(binding = 4) uniform sampler2DArray image_colours; // sRGB-coded, times alpha; alpha
@@ -26,38 +30,63 @@ struct ImageSpot {
     float enlargement; // how much larger than the pixel the images' finest texels are, log2
 };
 
-vec3 image_place(int level, vec2 angle)
+// From the eye on both planes, of which mostly only one is in use.
+struct ImageOffsets {
+    vec2 first, second;
+};
+
+vec2 image_offset(int plane, vec3 dn)
 {
-    return vec3(images.levels[level].place.xy + angle * images.levels[level].place.zw,
-                images.levels[level].extent.y);
+    vec2 offset = vec2(dot(images.planes[plane].along.xyz, dn), dot(images.planes[plane].across.xyz, dn));
+    return offset / (1.0 + dot(images.planes[plane].toward.xyz, dn));
+}
+
+ImageOffsets image_offsets(vec3 dn)
+{
+    ImageOffsets offsets = ImageOffsets(image_offset(0, dn), vec2(0.0));
+    if (images.split.x > 0)
+        offsets.second = image_offset(1, dn);
+    return offsets;
+}
+
+// In sides of a level.
+vec2 image_on_level(int level, ImageOffsets offsets)
+{
+    return (level < images.split.x ? offsets.second : offsets.first) * exp2(-float(level));
+}
+
+vec3 image_place(int level, ImageOffsets offsets)
+{
+    return vec3(images.levels[level].xy + image_on_level(level, offsets), images.levels[level].w);
 }
 
 // From the rim of a level inwards, in sides.
-float image_inside(int level, vec2 angle)
+float image_inside(int level, ImageOffsets offsets)
 {
-    vec2 from_eye = abs(angle * images.levels[level].place.zw);
-    return images.levels[level].extent.x - max(from_eye.x, from_eye.y);
+    vec2 from_eye = abs(image_on_level(level, offsets));
+    return images.levels[level].z - max(from_eye.x, from_eye.y);
 }
 
-// `angle`: from the eye to the place (rad, east and north); `slant`: the sine of the angle at which it
-// is seen. Pixels are taken to be as long as the foreshortening's root.
-ImageSpot image_spot(vec2 angle, float distance_m, float slant)
+// `slant`: the sine of the angle at which a place is seen. Pixels are taken to be as long as the
+// foreshortening's root.
+ImageSpot image_spot(vec3 dn, float distance_m, float slant)
 {
     int last = int(images.range.y);
+    ImageOffsets offsets = image_offsets(dn);
     float lod = log2(distance_m * images.range.z * inversesqrt(clamp(slant, 0.02, 1.0)));
     int level = int(clamp(floor(lod), images.range.x, images.range.y));
-    float inside = image_inside(level, angle);
+    float inside = image_inside(level, offsets);
     while (inside <= 0.0 && level < last) {
         level++;
-        inside = image_inside(level, angle);
+        inside = image_inside(level, offsets);
     }
     ImageSpot spot;
     spot.weight = clamp(inside * images.range.w, 0.0, 1.0);
     if (level < last)
         spot.weight *= 1.0 - clamp(lod - float(level), 0.0, 1.0);
     spot.enlargement = max(1.0 - lod, 0.0); // level 0 is twice as dense as the images
-    spot.own = image_place(level, angle);
-    spot.coarser = image_place(min(level + 1, last), angle);
+    spot.own = image_place(level, offsets);
+    spot.coarser = image_place(min(level + 1, last), offsets);
     // Beyond the coarsest level there is nothing.
     if (level == last)
         spot.coarser.z = -1.0;

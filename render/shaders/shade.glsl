@@ -94,18 +94,6 @@ vec3 surface_at(Spot spot, vec3 dn)
     return vec3(SURFACE_STEEPEST * code * abs(code), own.z);
 }
 
-// For what lies on geographic grids: longitude and latitude (rad) from the eye.
-vec2 angle_from_difference(vec3 dn)
-{
-    float sin0 = scene.eye_trig.x, cos0 = scene.eye_trig.y;
-    float dx = cos0 * dn.z - sin0 * dn.y, dz = sin0 * dn.z + cos0 * dn.y;
-    float x = cos0 + dx, from_axis = length(vec2(x, dn.x));
-    float d_axis = dx + dn.x * dn.x / (from_axis + x);
-    if (x < 0.0)
-        d_axis = from_axis - cos0;
-    return vec2(atan(dn.x, x), atan(cos0 * dz - sin0 * d_axis, from_axis * cos0 + (sin0 + dz) * sin0));
-}
-
 // What grows or lies there. `wide` varies over kilometres, `near` over metres; both are fixed to the
 // ground. Tree and snow lines follow the latitude as they do on Earth.
 vec3 land_colour(float altitude_km, float steepness, vec4 wide, vec4 near)
@@ -199,7 +187,7 @@ vec3 ground_radiance(vec3 dn, vec3 view, float distance_m, float altitude_km)
     float steepness = length(surface.xy);
     float water = surface.z;
 #if COLOUR || WATER
-    ImageSpot image = image_spot(angle_from_difference(dn), distance_m, facing);
+    ImageSpot image = image_spot(dn, distance_m, facing);
 #endif
 #if WATER
     vec2 mask = image_lookup(image_waters, image).xy;
