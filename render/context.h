@@ -12,6 +12,7 @@ struct gl_facts {
     char vendor[128], renderer[128], version[128];
     bool debug;         /* OTWD_GL_DEBUG is set: messages, and passes as debug groups */
     bool software;      /* a rasteriser on the CPU (llvmpipe, softpipe, SWR) */
+    int image_taps;     /* looks at imagery that a pixel may take along its length */
     int max_tess_level; /* segments an edge */
     int max_texture_size, max_array_layers;
     int memory_total_mib; /* of the GPU, 0 where it does not say */

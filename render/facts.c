@@ -9,6 +9,8 @@
 #define NVX_MEMORY_TOTAL        0x9048 /* GL_NVX_gpu_memory_info, kB */
 #define NVX_MEMORY_AVAILABLE    0x9049
 #define ATI_TEXTURE_FREE_MEMORY 0x87fc /* GL_ATI_meminfo, kB */
+#define SOFTWARE_TAPS           4
+#define HARDWARE_TAPS           16
 
 static void copy_string(char *to, size_t size, GLenum name)
 {
@@ -41,6 +43,7 @@ int gl_facts_gather(struct gl_facts *ret_facts, struct diag *diag)
                         facts.renderer, facts.max_tess_level);
     facts.software = strstr(facts.renderer, "llvmpipe") || strstr(facts.renderer, "softpipe") ||
                      strstr(facts.renderer, "SWR");
+    facts.image_taps = facts.software ? SOFTWARE_TAPS : HARDWARE_TAPS;
     if (epoxy_has_gl_extension("GL_NVX_gpu_memory_info")) {
         GLint total_kib = 0;
         glGetIntegerv(NVX_MEMORY_TOTAL, &total_kib);

@@ -320,8 +320,8 @@ void image_pass_prepare(struct image_pass *pass, const struct geodetic *eye, dou
     struct images_block *block = mapped_buffer_part(&pass->blocks, pass->block);
     block->range[0] = (float)finest_level(pass, height_m);
     block->range[1] = (float)(shape->levels - 1);
-    block->range[2] = (float)(pixel_rad / (shape->step_rad * WGS84_A));
-    block->range[3] = 16.0f; /* a level fades over a sixteenth of its side */
+    block->range[2] = (float)(pixel_rad / WGS84_A);
+    block->range[3] = (float)shape->side;
     set_levels(pass, normal, enu_axes, block);
 }
 

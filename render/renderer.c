@@ -171,8 +171,8 @@ static int create_shading(struct renderer *renderer, const struct gl_facts *fact
                           struct diag *diag)
 {
     char defines[512];
-    size_t images =
-        (size_t)snprintf(defines, sizeof(defines), "%s", image_pass_defines(renderer->images));
+    size_t images = (size_t)snprintf(defines, sizeof(defines), "%s#define IMAGE_TAPS %d\n",
+                                     image_pass_defines(renderer->images), facts->image_taps);
     describe_samples(renderer, sizeof(defines) - images, defines + images);
     const struct program_params shade = {.name = facts->software ? "shade" : "shade_compute",
                                          .defines = defines,

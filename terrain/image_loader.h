@@ -3,9 +3,9 @@
  * As terrain/loader.h does for heights, but level by level: an update moves one window by at most
  * IMAGE_STRIP rows or columns. A level that is filled anew (at the start, after a jump, where its
  * plane changes) is filled in a spare layer of the renderer's storage and takes its
- * place when it is whole; until then the layer that it had stays and moves on. What is not there yet is thus
- * shown by a coarser level, never by a hole. Windows that have to be moved come before those that
- * have to be filled, coarse ones before fine ones.
+ * place when it is whole; until then the layer that it had stays and moves on. What is not there
+ * yet is thus shown by a coarser level, never by a hole. Windows that have to be moved come before
+ * those that have to be filled, coarse ones before fine ones.
  *
  * Reading and decoding tiles is this thread's work, too: nothing but the picture's sharpness waits
  * for the disk. */

@@ -13,6 +13,8 @@
 #define MASK_UNKNOWN 128.0
 #define CHECKER_SIDE 512 /* pixels */
 #define CUBE         0.061
+#define STRIPE_DEG   (16.0 * PIXEL_DEG)
+#define FINER        8
 
 static uint32_t colours[WIDTH * HEIGHT], other[WIDTH * HEIGHT];
 static float depth[WIDTH * HEIGHT];
@@ -526,6 +528,77 @@ static void planes_change_without_a_hole(void)
     close_scene(&scene);
 }
 
+static void stripes(double lon, double lat, double ret_bands[4])
+{
+    bool odd = (int)floor(lon / STRIPE_DEG) & 1;
+    ret_bands[0] = ret_bands[1] = ret_bands[2] = odd ? 215.0 : 60.0;
+}
+
+/* Radiance from what is stored: shade's displayed() the other way round. */
+static double radiance(uint8_t stored)
+{
+    double shown = stored / 255.0 * stored / 255.0 / 1.12, b = 1.0 - 0.55 * shown;
+    return (sqrt(b * b + 0.48 * shown) - b) / 0.24;
+}
+
+/* A part of the view, of WIDTH / FINER pixels by HEIGHT / FINER, as large as the whole one. */
+static struct view enlarged(const struct view *view, int col0, int row0)
+{
+    struct view part = *view;
+    double width = (view->tan_right - view->tan_left) / WIDTH;
+    double height = (view->tan_top - view->tan_bottom) / HEIGHT;
+    part.tan_left = view->tan_left + col0 * width;
+    part.tan_right = part.tan_left + WIDTH / FINER * width;
+    part.tan_bottom = view->tan_bottom + row0 * height;
+    part.tan_top = part.tan_bottom + HEIGHT / FINER * height;
+    return part;
+}
+
+/* How far a picture with so many looks a pixel is from one with FINER x FINER times the pixels,
+ * root mean square, as a share of the light. */
+static double error_of_taps(int taps, struct view *view, int col0, int row0)
+{
+    struct scene_under_test scene = {0};
+    int suited = gl.image_taps;
+    double squares = 0.0, light = 0.0;
+    struct view part = enlarged(view, col0, row0);
+    gl.image_taps = taps;
+    bool open = open_with_imagery("stripes.db", flat_ground, &scene);
+    gl.image_taps = suited;
+    if (!open)
+        return NAN;
+    draw(&scene, &part, NULL, other, NULL);
+    draw(&scene, view, NULL, colours, NULL);
+    for (int row = 0; row < HEIGHT / FINER; row++)
+        for (int col = 0; col < WIDTH / FINER; col++) {
+            double mean = 0.0;
+            for (int i = 0; i < FINER * FINER; i++) {
+                int at = (row * FINER + i / FINER) * WIDTH + col * FINER + i % FINER;
+                mean += radiance(((uint8_t *)&other[at])[1]) / (FINER * FINER);
+            }
+            uint8_t *shown = (uint8_t *)&colours[(row0 + row) * WIDTH + col0 + col];
+            squares += pow(radiance(shown[1]) - mean, 2.0);
+            light += mean;
+        }
+    close_scene(&scene);
+    int count = (WIDTH / FINER) * (HEIGHT / FINER);
+    return sqrt(squares / count) / (light / count);
+}
+
+/* Stripes that run away from the eye, at some degrees above the ground: wide enough for pixels, but
+ * not for what pixels cover lengthwise. */
+static void grazing_stripes_are_as_sharp_as_they_should_be(void)
+{
+    add_image("stripes.db", "--imagery --quality 95", 46.5, 8.0, 2048, 3, stripes);
+    struct view view = plain_view(46.5 - 0.06 - 0.03, 8.0, 1200.0, 0.0, -8.0);
+    double none = error_of_taps(1, &view, 140, 88), few = error_of_taps(4, &view, 140, 88);
+    double many = error_of_taps(16, &view, 140, 88);
+    printf("     error with 1, 4, 16 looks: %.3f, %.3f, %.3f of the light\n", none, few, many);
+    CHECK(many < 0.15);
+    CHECK(few < 0.7 * none);
+    CHECK(many < 0.5 * none);
+}
+
 /* At night photographs are as dark as all else. */
 static void night_falls_on_photographs(void)
 {
@@ -559,6 +632,8 @@ int main(void)
          a_damaged_tile_is_shown_by_its_parent},
         {"the globe is whole", the_globe_is_whole},
         {"planes change without a hole", planes_change_without_a_hole},
+        {"grazing stripes are as sharp as they should be",
+         grazing_stripes_are_as_sharp_as_they_should_be},
         {"night falls on photographs", night_falls_on_photographs},
     };
     return render_tests_main(tests, sizeof(tests) / sizeof(tests[0]), import_tests_main);

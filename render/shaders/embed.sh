@@ -27,7 +27,7 @@ check()
             # shellcheck disable=SC2086 # four numbers
             printf '#define COLOUR %d\n#define WATER %d\n#define SPLIT %d\n#define SAMPLES %d\n' $variant
             printf '#define BLOCK 8\n#define TABLE 32\n#define DRAWS 2\n#define BLOCKS_A_DRAW 9\n'
-            printf '#define SAMPLE_PLACES vec2(0.25), vec2(0.75)\n'
+            printf '#define SAMPLE_PLACES vec2(0.25), vec2(0.75)\n#define IMAGE_TAPS 4\n'
             shared_of "$1"
             cat "$1"
         } | "$validator" --stdin -S "$stage" >"$output.log" 2>&1 ||

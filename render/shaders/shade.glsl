@@ -187,10 +187,10 @@ vec3 ground_radiance(vec3 dn, vec3 view, float distance_m, float altitude_km)
     float steepness = length(surface.xy);
     float water = surface.z;
 #if COLOUR || WATER
-    ImageSpot image = image_spot(dn, distance_m, facing);
+    ImageSpot image = image_spot(dn, spot.normal, view, distance_m, facing);
 #endif
 #if WATER
-    vec2 mask = image_lookup(image_waters, image).xy;
+    vec2 mask = image_lookup(image_waters, false, image).xy;
     water = water * (1.0 - mask.y) + mask.x;
 #endif
     water = smoothstep(0.45, 0.55, water);
