@@ -274,6 +274,8 @@ static uint32_t take_tile(struct reference_pass *pass, const struct square *tile
         slot->heights.least_m = fminf(slot->heights.least_m, pass->height_m[i]);
         slot->heights.most_m = fmaxf(slot->heights.most_m, pass->height_m[i]);
     }
+    if (index + 1 == pass->slot_count)
+        glFinish(); /* NVIDIA's driver has drawn tiles with the heights of the next in that place */
     glNamedBufferSubData(pass->heights, (GLintptr)index * POSTS * (GLintptr)sizeof(float),
                          POSTS * sizeof(float), pass->height_m);
     if (index + 1 < pass->slot_count) {

@@ -74,7 +74,9 @@ struct scene_under_test {
     struct readback *depth, *colour;
 };
 
-/* `radius` = 0: what suits the screen, and no level in place of a finer one however alike. Depth
+static bool full_mesh; /* no level in place of a finer one, however alike */
+
+/* `radius` = 0: what suits the screen, and the full mesh. Depth
  * can be read back where `samples` is 1. Takes the source and the imagery, which may be NULL. */
 static inline bool open_scene_over(struct terrain_source *source, int radius, int samples,
                                    struct imagery *imagery, struct scene_under_test *ret)
@@ -88,7 +90,8 @@ static inline bool open_scene_over(struct terrain_source *source, int radius, in
         .source = source,
         .imagery = imagery,
         .samples = samples,
-        .pixel_error = radius ? 1.0 : 1e-4,
+        .pixel_error = radius && !full_mesh ? 1.0 : 1e-4,
+        .posts_most = radius,
     };
     if (radius)
         params.shape = clipmap_shape(radius, radius / 8, facts.finest_lat_step_deg);

@@ -16,11 +16,13 @@ static char scratch[64], directory[96];
 static const struct program_params select_program = {
     .name = "select",
     .defines = "#define BLOCK 8\n#define TABLE 32\n#define DRAWS 1\n#define BLOCKS_A_DRAW 64\n"
-               "#define SPLIT 1\n"};
+               "#define SPLIT 1\n",
+    .shared = {"blocks.glsl"}};
 static const struct program_params other_program = {
     .name = "select",
     .defines = "#define BLOCK 8\n#define TABLE 32\n#define DRAWS 1\n#define BLOCKS_A_DRAW 64\n"
-               "#define SPLIT 0\n"};
+               "#define SPLIT 0\n",
+    .shared = {"blocks.glsl"}};
 
 static int remove_one(const char *path, const struct stat *status, int kind, struct FTW *walk)
 {
