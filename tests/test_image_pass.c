@@ -1,29 +1,11 @@
 /* Imagery in the drawn frame: that it lies where it was imported, what it covers, and what stands
  * in for what is not there. The ground is flat, so that a pixel's place is known to a millimetre.
  */
-#include "geo/cube.h"
-#include "tests/imagery_fixture.h"
-#include "tests/render_fixture.h"
+#include "tests/image_pass_fixture.h"
 
-#define PIXEL_DEG    (1.0 / 16384.0) /* of the images: 6.8 m */
-#define CELL_DEG     (1.0 / 1024.0)  /* of the checker */
+#define CELL_DEG     (1.0 / 1024.0) /* of the checker */
 #define METRE_DEG    (1.0 / 111195.0)
-#define CLEAR_M      1e9 /* visibility */
-#define GROUND_M     100.0
-#define MASK_UNKNOWN 128.0
 #define CHECKER_SIDE 512 /* pixels */
-#define CUBE         0.061
-#define STRIPE_DEG   (16.0 * PIXEL_DEG)
-#define FINER        8
-
-static uint32_t colours[WIDTH * HEIGHT], other[WIDTH * HEIGHT];
-static float depth[WIDTH * HEIGHT];
-static double pixels[WIDTH * HEIGHT * 3];
-
-static double sea_level(double lon, double lat)
-{
-    return 0.0;
-}
 
 static int parity(double lat_deg, double lon_deg)
 {
@@ -36,13 +18,6 @@ static void checker(double lon, double lat, double ret_bands[4])
     ret_bands[0] = odd ? 220.0 : 40.0;
     ret_bands[1] = odd ? 40.0 : 220.0;
     ret_bands[2] = 40.0;
-}
-
-/* No ground of ours is of that colour. */
-static void magenta(double lon, double lat, double ret_bands[4])
-{
-    ret_bands[0] = ret_bands[2] = 200.0 + 50.0 * sin(lat * 900.0) * sin(lon * 900.0);
-    ret_bands[1] = 20.0;
 }
 
 /* Opaque in the west, then half, then nothing. */
@@ -66,67 +41,6 @@ static double wave(double lat_deg)
 static void waves(double lon, double lat, double ret_bands[4])
 {
     ret_bands[0] = ret_bands[1] = ret_bands[2] = wave(lat);
-}
-
-/* A database with an image of `side` pixels about a place. */
-static void add_image(const char *database, const char *options, double lat_deg, double lon_deg,
-                      int side, int bands, painter paint)
-{
-    static const struct made globe = {361, 181, -180.5, 90.5, 1.0, -1.0, 4326, GDT_Int16, NAN, 0.0};
-    double half_deg = side / 2 * PIXEL_DEG;
-    struct made made = {side,
-                        side,
-                        lon_deg - half_deg,
-                        lat_deg + half_deg,
-                        PIXEL_DEG,
-                        -PIXEL_DEG,
-                        4326,
-                        GDT_Byte,
-                        bands == 1 ? MASK_UNKNOWN : NAN,
-                        0.0};
-    if (access(in("globe.tif"), F_OK) != 0)
-        make_raster(in("globe.tif"), &globe, sea_level);
-    if (access(in(database), F_OK) != 0)
-        check_run(run("'%s' -o '%s' -q", in("globe.tif"), in(database)), 0);
-    make_image(in("image.tif"), &made, bands, paint);
-    check_run(run("'%s' %s -o '%s' -q", in("image.tif"), options, in(database)), 0);
-}
-
-static bool open_with_imagery(const char *database, double (*height_m)(double, double),
-                              struct scene_under_test *ret_scene)
-{
-    return open_scene(height_m, 0, open_imagery(in(database)), ret_scene);
-}
-
-/* Sun overhead and no haze: on flat ground a colour is the same wherever it is seen. */
-static struct view plain_view(double lat_deg, double lon_deg, double above_m, double heading_deg,
-                              double pitch_deg)
-{
-    struct view view = view_at(lat_deg, lon_deg, GROUND_M + above_m, heading_deg, pitch_deg, 0.0);
-    view.visibility_m = CLEAR_M;
-    view.sun_enu[0] = 0.0;
-    view.sun_enu[2] = 1.0;
-    return view;
-}
-
-static void draw_places(struct scene_under_test *scene, struct view *view)
-{
-    draw(scene, view, depth, colours, NULL);
-    geo_pixels_from_depth(view, depth, WIDTH, HEIGHT, pixels);
-}
-
-/* The colour beside pixels[3 * i], whose rows run from the top. */
-static const uint8_t *colour_of(const uint32_t *frame, int i)
-{
-    return (const uint8_t *)&frame[(HEIGHT - 1 - i / WIDTH) * WIDTH + i % WIDTH];
-}
-
-static double distance_m(const struct view *view, int i)
-{
-    struct geodetic place = {pixels[3 * i], pixels[3 * i + 1], pixels[3 * i + 2]};
-    double enu[3];
-    enu_from_geodetic(&view->eye, &place, enu);
-    return sqrt(enu[0] * enu[0] + enu[1] * enu[1] + enu[2] * enu[2]);
 }
 
 /* How far a coordinate is from the next line of the checker. */
@@ -163,6 +77,7 @@ static const double places[][2] = {
     {46.5, 8.0},   {0.0, 0.0},     {-33.9, 18.4}, {23.5, -120.0}, {39.6, 100.0},
     {60.0, -22.0}, {-52.3, -70.0}, {12.0, 180.0}, {-5.0, -180.0}, {78.5, 15.0},
 };
+
 #define PLACES (sizeof(places) / sizeof(places[0]))
 
 static void a_checker_lies_where_it_was_imported(void)
@@ -223,11 +138,6 @@ static void no_seams_between_levels(void)
     CHECK(most[190] > least[65] + 60);
     CHECK(widest <= 6);
     close_scene(&scene);
-}
-
-static bool is_magenta(const uint8_t *rgba)
-{
-    return rgba[0] > rgba[1] + 10 && rgba[2] > rgba[1] + 10;
 }
 
 static int greatest_difference(const uint8_t *a, const uint8_t *b)
@@ -325,44 +235,6 @@ static void water_is_where_the_mask_says(void)
     }
 }
 
-static int count_holes(const float *at_depth, const uint32_t *frame)
-{
-    int holes = 0;
-    for (int i = 0; i < WIDTH * HEIGHT; i++)
-        holes += at_depth[i] > 0.0f && !is_magenta((const uint8_t *)&frame[i]);
-    return holes;
-}
-
-/* The whole globe in magenta, and finer magenta where the flight goes. */
-static void make_magenta(void)
-{
-    static const struct made globe = {720, 360, -180.0, 90.0, 0.5, -0.5, 4326, GDT_Byte, NAN, 0.0};
-    if (access(in("magenta.db"), F_OK) == 0)
-        return;
-    add_image("magenta.db", "--imagery", 46.5, 8.0, 2048, 3, magenta);
-    make_image(in("globe-image.tif"), &globe, 3, magenta);
-    check_run(run("--imagery '%s' --layer globe --priority -1 -o '%s' -q", in("globe-image.tif"),
-                  in("magenta.db")),
-              0);
-}
-
-/* One frame with what is there; nothing is waited for. */
-static bool draw_hastily(struct scene_under_test *scene, struct view *view)
-{
-    struct renderer_frame frame;
-    uint64_t number;
-    renderer_wish(scene->renderer, &view->eye, false);
-    renderer_draw(scene->renderer, view);
-    renderer_finish(scene->renderer, &frame);
-    readback_start(scene->depth, renderer_depth_framebuffer(scene->renderer), 0);
-    memcpy(depth, readback_take(scene->depth, true, &number), sizeof(depth));
-    readback_release(scene->depth);
-    readback_start(scene->colour, renderer_framebuffer(scene->renderer), 0);
-    memcpy(colours, readback_take(scene->colour, true, &number), sizeof(colours));
-    readback_release(scene->colour);
-    return frame.complete;
-}
-
 static void what_is_late_is_coarser_and_no_hole(void)
 {
     struct scene_under_test scene = {0};
@@ -443,162 +315,6 @@ static void a_damaged_tile_is_shown_by_its_parent(void)
     close_scene(&scene);
 }
 
-/* Of a cube of space: red or green, on the globe. */
-static bool is_red(const double normal[3])
-{
-    int sum = 0;
-    for (int i = 0; i < 3; i++)
-        sum += (int)floor(normal[i] / CUBE);
-    return sum & 1;
-}
-
-static void cubes(double lon, double lat, double ret_bands[4])
-{
-    double normal[3];
-    cube_normal_from_geodetic(lat, lon, normal);
-    ret_bands[0] = is_red(normal) ? 220.0 : 40.0;
-    ret_bands[1] = 260.0 - ret_bands[0];
-    ret_bands[2] = 40.0;
-}
-
-static bool near_a_side(const double normal[3])
-{
-    for (int i = 0; i < 3; i++)
-        if (fabs(remainder(normal[i], CUBE)) < 0.012)
-            return true;
-    return false;
-}
-
-/* From orbit: at the poles, beside the antimeridian, where the planes of windows meet. */
-static void the_globe_is_whole(void)
-{
-    static const double eyes[][2] = {{90.0, 0.0},    {-90.0, 0.0}, {88.0, 100.0}, {-80.0, 30.0},
-                                     {10.0, 179.95}, {22.5, 5.0},  {47.0, 22.5},  {-63.0, -112.0}};
-    static const struct made globe = {720, 360, -180.0, 90.0, 0.5, -0.5, 4326, GDT_Byte, NAN, 0.0};
-    struct scene_under_test scene = {0};
-    make_image(in("cubes.tif"), &globe, 3, cubes);
-    add_image("cubes.db", "--imagery", 46.5, 8.0, 64, 3, cubes); /* brings heights */
-    check_run(run("--imagery '%s' --layer globe --quality 100 -o '%s' -q", in("cubes.tif"),
-                  in("cubes.db")),
-              0);
-    if (!open_with_imagery("cubes.db", flat_ground, &scene))
-        return;
-    int total = 0;
-    for (size_t e = 0; e < sizeof(eyes) / sizeof(eyes[0]); e++)
-        for (int pitch_deg = -90; pitch_deg <= -40; pitch_deg += 25) {
-            struct view view = plain_view(eyes[e][0], eyes[e][1], 400e3, 70.0, pitch_deg);
-            int counted = 0, wrong = 0;
-            draw_places(&scene, &view);
-            for (int i = 0; i < WIDTH * HEIGHT; i++) {
-                double normal[3];
-                if (isnan(pixels[3 * i]) || distance_m(&view, i) > 1500e3)
-                    continue;
-                cube_normal_from_geodetic(pixels[3 * i], pixels[3 * i + 1], normal);
-                if (near_a_side(normal))
-                    continue;
-                const uint8_t *rgba = colour_of(colours, i);
-                counted++;
-                wrong += (rgba[0] > rgba[1]) != is_red(normal);
-            }
-            total += counted;
-            if (wrong > 0)
-                CHECK_FAIL("from %g %g, pitched by %d, %d of %d pixels show another cube",
-                           eyes[e][0], eyes[e][1], pitch_deg, wrong, counted);
-        }
-    CHECK(total > 100000);
-    close_scene(&scene);
-}
-
-/* Northwards until the plane that touches at 0 0 is left for another, and back. */
-static void planes_change_without_a_hole(void)
-{
-    struct scene_under_test scene = {0};
-    make_magenta();
-    if (!open_with_imagery("magenta.db", flat_ground, &scene))
-        return;
-    struct view view = plain_view(30.9, 3.0, 2000.0, 20.0, -20.0);
-    int holes = 0;
-    draw_places(&scene, &view);
-    for (int i = 0; i < 100; i++) {
-        view = plain_view(30.9 + 1.8 * sin(i * 0.0314), 3.0, 2000.0, 20.0, -20.0);
-        draw_hastily(&scene, &view);
-        holes += count_holes(depth, colours);
-    }
-    CHECK_INT(holes, 0);
-    close_scene(&scene);
-}
-
-static void stripes(double lon, double lat, double ret_bands[4])
-{
-    bool odd = (int)floor(lon / STRIPE_DEG) & 1;
-    ret_bands[0] = ret_bands[1] = ret_bands[2] = odd ? 215.0 : 60.0;
-}
-
-/* Radiance from what is stored: shade's displayed() the other way round. */
-static double radiance(uint8_t stored)
-{
-    double shown = stored / 255.0 * stored / 255.0 / 1.12, b = 1.0 - 0.55 * shown;
-    return (sqrt(b * b + 0.48 * shown) - b) / 0.24;
-}
-
-/* A part of the view, of WIDTH / FINER pixels by HEIGHT / FINER, as large as the whole one. */
-static struct view enlarged(const struct view *view, int col0, int row0)
-{
-    struct view part = *view;
-    double width = (view->tan_right - view->tan_left) / WIDTH;
-    double height = (view->tan_top - view->tan_bottom) / HEIGHT;
-    part.tan_left = view->tan_left + col0 * width;
-    part.tan_right = part.tan_left + WIDTH / FINER * width;
-    part.tan_bottom = view->tan_bottom + row0 * height;
-    part.tan_top = part.tan_bottom + HEIGHT / FINER * height;
-    return part;
-}
-
-/* How far a picture with so many looks a pixel is from one with FINER x FINER times the pixels,
- * root mean square, as a share of the light. */
-static double error_of_taps(int taps, struct view *view, int col0, int row0)
-{
-    struct scene_under_test scene = {0};
-    int suited = gl.image_taps;
-    double squares = 0.0, light = 0.0;
-    struct view part = enlarged(view, col0, row0);
-    gl.image_taps = taps;
-    bool open = open_with_imagery("stripes.db", flat_ground, &scene);
-    gl.image_taps = suited;
-    if (!open)
-        return NAN;
-    draw(&scene, &part, NULL, other, NULL);
-    draw(&scene, view, NULL, colours, NULL);
-    for (int row = 0; row < HEIGHT / FINER; row++)
-        for (int col = 0; col < WIDTH / FINER; col++) {
-            double mean = 0.0;
-            for (int i = 0; i < FINER * FINER; i++) {
-                int at = (row * FINER + i / FINER) * WIDTH + col * FINER + i % FINER;
-                mean += radiance(((uint8_t *)&other[at])[1]) / (FINER * FINER);
-            }
-            uint8_t *shown = (uint8_t *)&colours[(row0 + row) * WIDTH + col0 + col];
-            squares += pow(radiance(shown[1]) - mean, 2.0);
-            light += mean;
-        }
-    close_scene(&scene);
-    int count = (WIDTH / FINER) * (HEIGHT / FINER);
-    return sqrt(squares / count) / (light / count);
-}
-
-/* Stripes that run away from the eye, at some degrees above the ground: wide enough for pixels, but
- * not for what pixels cover lengthwise. */
-static void grazing_stripes_are_as_sharp_as_they_should_be(void)
-{
-    add_image("stripes.db", "--imagery --quality 95", 46.5, 8.0, 2048, 3, stripes);
-    struct view view = plain_view(46.5 - 0.06 - 0.03, 8.0, 1200.0, 0.0, -8.0);
-    double none = error_of_taps(1, &view, 140, 88), few = error_of_taps(4, &view, 140, 88);
-    double many = error_of_taps(16, &view, 140, 88);
-    printf("     error with 1, 4, 16 looks: %.3f, %.3f, %.3f of the light\n", none, few, many);
-    CHECK(many < 0.15);
-    CHECK(few < 0.7 * none);
-    CHECK(many < 0.5 * none);
-}
-
 /* At night photographs are as dark as all else. */
 static void night_falls_on_photographs(void)
 {
@@ -630,10 +346,6 @@ int main(void)
         {"the way there is not seen", the_way_there_is_not_seen},
         {"a damaged tile is shown by its parent, and counted",
          a_damaged_tile_is_shown_by_its_parent},
-        {"the globe is whole", the_globe_is_whole},
-        {"planes change without a hole", planes_change_without_a_hole},
-        {"grazing stripes are as sharp as they should be",
-         grazing_stripes_are_as_sharp_as_they_should_be},
         {"night falls on photographs", night_falls_on_photographs},
     };
     return render_tests_main(tests, sizeof(tests) / sizeof(tests[0]), import_tests_main);

@@ -104,8 +104,8 @@ int image_taps(int level, float major, float minor)
 
 // Of ground with the ellipsoid's `normal`, `facing` the sine of the angle at which it is seen: a pixel's
 // footprint is as wide as its angle and longer by the foreshortening. The level goes by its width, or
-// by its length over the most looks there may be; the loop takes the length (Heckbert 1989; the hardware's own
-// way of it is not specified).
+// by its length over the most looks there may be; the loop takes the length (Heckbert 1989; the
+// hardware's own way of it is not specified).
 ImageSpot image_spot(vec3 dn, vec3 normal, vec3 view, float distance_m, float facing)
 {
     int last = int(images.range.y);
