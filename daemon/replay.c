@@ -54,6 +54,7 @@ static void record_frame(struct report *report, const struct replay_params *para
                            .latency_ms = NAN,
                            .pose_age_ms = NAN,
                            .triangles = (uint32_t)frame->renderer.triangles,
+                           .pixel_error = (float)frame->renderer.pixel_error,
                            .control_points = frame->renderer.control_points,
                            .upload_bytes = (uint32_t)frame->renderer.upload_bytes,
                            .complete = frame->renderer.complete,

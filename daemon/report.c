@@ -60,6 +60,10 @@ static double control_points(const struct report_frame *f)
 {
     return f->control_points;
 }
+static double pixel_error(const struct report_frame *f)
+{
+    return (double)f->pixel_error;
+}
 static double upload_bytes(const struct report_frame *f)
 {
     return f->upload_bytes;
@@ -160,6 +164,7 @@ json_t *report_json(const struct report *report, const struct report_facts *fact
     json_object_set_new(root, "triangles", json_pair(report, triangles, "max"));
     json_object_set_new(root, "control_points", json_pair(report, control_points, "max"));
     json_object_set_new(root, "upload_bytes", json_pair(report, upload_bytes, "max"));
+    json_object_set_new(root, "pixel_error", json_pair(report, pixel_error, "max"));
     json_object_set_new(root, "memory_mib",
                         json_pack("{s:I,s:i}", "rss_peak", (json_int_t)resident_peak_mib(), "gpu",
                                   facts->gpu_memory_mib));

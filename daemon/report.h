@@ -16,6 +16,7 @@ struct report_frame {
     float latency_ms;  /* kernel receive stamp to finished frame; NaN without one */
     float pose_age_ms; /* NaN without a pose */
     uint32_t triangles, control_points, upload_bytes;
+    float pixel_error; /* that levels reached far enough for */
     bool complete, missed_deadline;
 };
 
