@@ -11,7 +11,7 @@
 #include "base/latest.h"
 #include "base/ring.h"
 #include "daemon/frame_output.h"
-#include "render/detail.h"
+#include "daemon/governor.h"
 
 #define GPU_MEMORY_EVERY_S 10.0
 #define WARM_UP_FRAMES     4

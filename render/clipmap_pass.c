@@ -187,7 +187,7 @@ int clipmap_pass_mib(const struct clipmap_shape *shape)
     double side = clipmap_storage(shape), table = clipmap_table(shape);
     double texels = side * side * sizeof(struct loader_height) +
                     4.0 * side * side * sizeof(struct loader_surface) +
-                    table * table * 2.0 * sizeof(float);
+                    6.0 * table * table * sizeof(float); /* bounds, splits, reaches */
     return (int)ceil(texels * shape->levels * CLIPMAP_PANES / 1048576.0);
 }
 

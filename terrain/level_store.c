@@ -7,10 +7,9 @@
 
 #include "geo/cube.h"
 
-#define MEAN_RADIUS_M                                                                              \
-    6.3675e6             /* of curvature; within 0.7 % of it everywhere, as slopes need it         \
-                          */
-#define COLUMNS_MAX 2048 /* of the largest storage */
+/* Of curvature; within 0.7 % of it everywhere, as slopes need it. */
+#define MEAN_RADIUS_M 6.3675e6
+#define COLUMNS_MAX   2048 /* of the largest storage */
 
 int level_store_ready(struct level_store *store)
 {

@@ -67,6 +67,18 @@ static inline double flat_ground(double lat_deg, double lon_deg)
     return 100.0;
 }
 
+/* Waves of many lengths: every level differs from the next. */
+static inline double rugged_ground(double lat_deg, double lon_deg)
+{
+    double height_m = 800.0;
+    for (int octave = 0; octave < 12; octave++) {
+        double waves = 2.0 * M_PI * 10.0 * (1 << octave);
+        height_m += 300.0 / (1 << octave) * sin(waves * lat_deg + octave) *
+                    cos(waves * 0.8 * lon_deg + 2.0 * octave);
+    }
+    return height_m;
+}
+
 static struct gl_facts gl;
 
 struct scene_under_test {

@@ -18,18 +18,6 @@ static double tilted_plane(double lat_deg, double lon_deg)
     return up > 0.5 ? fmin(fmax(off / up, -400.0), 5000.0) : 0.0; /* the far side of the Earth */
 }
 
-/* Waves of many lengths: every level differs from the next. */
-static double rugged_ground(double lat_deg, double lon_deg)
-{
-    double height_m = 800.0;
-    for (int octave = 0; octave < 12; octave++) {
-        double waves = 2.0 * M_PI * 10.0 * (1 << octave);
-        height_m += 300.0 / (1 << octave) * sin(waves * lat_deg + octave) *
-                    cos(waves * 0.8 * lon_deg + 2.0 * octave);
-    }
-    return height_m;
-}
-
 static double lifted_ground(double lat_deg, double lon_deg)
 {
     return flat_ground(lat_deg, lon_deg) + 0.5;

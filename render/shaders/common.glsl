@@ -165,8 +165,8 @@ float distance_of(vec3 dn)
     return sqrt(dot(dn, dn) + scene.grid.y * scene.grid.y);
 }
 
-// How far a level is blended into the coarser one, where it reaches so far: from 3/4 of that on, and
-// wholly a little before the end, whatever is rounded.
+// How far a level is blended into the coarser one, where it reaches so far: from 3/4 of that on
+// (CLIPMAP_BLEND), and wholly a little before the end, whatever is rounded.
 float blend_at(vec3 dn, float reach)
 {
     return clamp((distance_of(dn) / reach - 0.75) * (1.0 / 0.249), 0.0, 1.0);
