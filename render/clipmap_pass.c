@@ -41,7 +41,8 @@ struct draw_command {
 };
 
 struct draw_list {
-    GLuint groups[3], unused; /* of mesh.comp */
+    GLuint groups[3]; /* of mesh.comp */
+    GLuint triangles; /* that it made */
     struct draw_command draws[];
 };
 
@@ -90,7 +91,9 @@ struct clipmap_pass {
     size_t update_bytes;
     bool software;
     GLuint program, upload_program, bounds_program;
-    GLuint reach_program, split_program, list_program, mesh_program;
+    GLuint reach_program, split_program, list_program, mesh_program, raster_program;
+    GLuint counted; /* a buffer that is mapped: how many triangles were made */
+    const GLuint *triangles;
     GLuint vertex_array, heights, surfaces, bounds, ground;
     GLuint storages[STORAGES]; /* buffers that the GPU alone uses */
     unsigned draw_count, blocks_a_draw;
@@ -142,6 +145,16 @@ static int create_draws(struct clipmap_pass *pass)
     return 0;
 }
 
+static int create_counter(struct clipmap_pass *pass)
+{
+    const GLbitfield flags = GL_MAP_READ_BIT | GL_MAP_PERSISTENT_BIT | GL_MAP_COHERENT_BIT;
+    glCreateBuffers(1, &pass->counted);
+    glNamedBufferStorage(pass->counted, sizeof(GLuint), &(GLuint){0},
+                         flags | GL_CLIENT_STORAGE_BIT);
+    pass->triangles = glMapNamedBufferRange(pass->counted, 0, sizeof(GLuint), flags);
+    return pass->triangles ? 0 : -ENOMEM;
+}
+
 static int create_buffers(struct clipmap_pass *pass, struct diag *diag)
 {
     size_t arena = loader_arena_bytes(pass->update_bytes),
@@ -151,11 +164,9 @@ static int create_buffers(struct clipmap_pass *pass, struct diag *diag)
     pass->storages[STORAGE_REACHES] = create_buffer(panes * table * table * sizeof(GLfloat), NULL);
     size_t blocks = (size_t)pass->draw_count * pass->blocks_a_draw;
     pass->storages[STORAGE_BLOCKS] = create_buffer(blocks * BLOCK_BYTES, NULL);
-    pass->storages[STORAGE_VERTICES] =
-        create_buffer(blocks * block_vertices(&pass->shape) * VERTEX_BYTES, NULL);
-    pass->storages[STORAGE_INDICES] =
-        create_buffer(blocks * block_indices(&pass->shape) * sizeof(GLuint), NULL);
     int r = create_draws(pass);
+    if (r == 0)
+        r = create_counter(pass);
     if (r == 0)
         r = mapped_buffer_create(&pass->arenas, arena, LOADER_UPDATES, true);
     if (r == 0)
@@ -166,8 +177,14 @@ static int create_buffers(struct clipmap_pass *pass, struct diag *diag)
                              LOADER_UPDATES * arena >> 20);
 }
 
-static void create_vertex_array(struct clipmap_pass *pass)
+/* What lists of triangles take. */
+static void create_lists(struct clipmap_pass *pass)
 {
+    size_t blocks = (size_t)pass->draw_count * pass->blocks_a_draw;
+    pass->storages[STORAGE_VERTICES] =
+        create_buffer(blocks * block_vertices(&pass->shape) * VERTEX_BYTES, NULL);
+    pass->storages[STORAGE_INDICES] =
+        create_buffer(blocks * block_indices(&pass->shape) * sizeof(GLuint), NULL);
     glCreateVertexArrays(1, &pass->vertex_array);
     glVertexArrayVertexBuffer(pass->vertex_array, 0, pass->storages[STORAGE_VERTICES], 0,
                               VERTEX_BYTES);
@@ -181,24 +198,25 @@ static int create_programs(struct clipmap_pass *pass, struct diag *diag)
 {
     char defines[256];
     static const char format[] = "#define BLOCK %d\n#define TABLE %d\n#define DRAWS %u\n"
-                                 "#define BLOCKS_A_DRAW %u\n#define SPLIT %d\n";
+                                 "#define BLOCKS_A_DRAW %u\n#define SPLIT %d\n#define RASTER %d\n";
     const struct {
         const char *name, *shared;
         GLuint *program;
-        int split;
+        int split, raster;
     } programs[] = {
-        {"terrain", NULL, &pass->program, 0},
-        {"upload", NULL, &pass->upload_program, 0},
-        {"bounds", NULL, &pass->bounds_program, 0},
-        {"reach", "blocks.glsl", &pass->reach_program, 0},
-        {"select", "blocks.glsl", &pass->split_program, 1},
-        {"select", "blocks.glsl", &pass->list_program, 0},
-        {"mesh", NULL, &pass->mesh_program, 0},
+        {"terrain", NULL, &pass->program, 0, 0},
+        {"upload", NULL, &pass->upload_program, 0, 0},
+        {"bounds", NULL, &pass->bounds_program, 0, 0},
+        {"reach", "blocks.glsl", &pass->reach_program, 0, 0},
+        {"select", "blocks.glsl", &pass->split_program, 1, 0},
+        {"select", "blocks.glsl", &pass->list_program, 0, 0},
+        {"mesh", "raster.glsl", &pass->mesh_program, 0, 0},
+        {"mesh", "raster.glsl", &pass->raster_program, 0, 1},
     };
     int r = 0;
     for (size_t i = 0; i < sizeof(programs) / sizeof(programs[0]) && r == 0; i++) {
         snprintf(defines, sizeof(defines), format, pass->shape.block, clipmap_table(&pass->shape),
-                 pass->draw_count, pass->blocks_a_draw, programs[i].split);
+                 pass->draw_count, pass->blocks_a_draw, programs[i].split, programs[i].raster);
         const struct program_params params = {
             .name = programs[i].name, .defines = defines, .shared = {programs[i].shared}};
         r = program_create(&params, programs[i].program, diag);
@@ -241,7 +259,8 @@ int clipmap_pass_create(const struct clipmap_shape *shape, size_t update_bytes,
     pass->surfaces = create_array(shape, 2 * clipmap_storage(shape), GL_RGBA8, GL_LINEAR);
     pass->bounds = create_array(shape, clipmap_table(shape), GL_RGBA32F, GL_NEAREST);
     pass->ground = ground_texture_create(facts->software);
-    create_vertex_array(pass);
+    if (facts->software)
+        create_lists(pass);
     if (glGetError() == GL_OUT_OF_MEMORY) {
         clipmap_pass_destroy(pass);
         return diag_set(diag, -ENOMEM, "no GPU memory for a clipmap of %d MiB",
@@ -268,6 +287,8 @@ void clipmap_pass_destroy(struct clipmap_pass *pass)
     glDeleteProgram(pass->split_program);
     glDeleteProgram(pass->list_program);
     glDeleteProgram(pass->mesh_program);
+    glDeleteProgram(pass->raster_program);
+    glDeleteBuffers(1, &pass->counted);
     free(pass);
 }
 
@@ -405,22 +426,42 @@ static void choose_blocks(const struct clipmap_pass *pass, int groups)
     glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT);
     glUseProgram(pass->list_program);
     glDispatchCompute(some, 1, 1);
-    glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_COMMAND_BARRIER_BIT);
+    glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_COMMAND_BARRIER_BIT |
+                    GL_SHADER_IMAGE_ACCESS_BARRIER_BIT);
 }
 
-void clipmap_pass_make(const struct clipmap_pass *pass, int groups,
-                       const struct sample_lattice *lattice)
+static void make_triangles(const struct clipmap_pass *pass, GLuint program,
+                           const struct sample_lattice *lattice)
 {
-    for (GLuint i = 0; i < STORAGES; i++)
-        glBindBufferBase(GL_SHADER_STORAGE_BUFFER, i, pass->storages[i]);
-    choose_blocks(pass, groups);
     glBindTextureUnit(0, pass->heights);
-    glUseProgram(pass->mesh_program);
+    glUseProgram(program);
     glUniform3f(0, 0.5f * lattice->columns, 0.5f * lattice->rows, lattice->first);
     glBindBuffer(GL_DISPATCH_INDIRECT_BUFFER, pass->storages[STORAGE_DRAWS]);
     glDispatchComputeIndirect(offsetof(struct draw_list, groups));
+}
+
+void clipmap_pass_make(struct clipmap_pass *pass, int groups, const struct sample_lattice *lattice,
+                       const struct raster *raster)
+{
+    if (!raster && !pass->vertex_array)
+        create_lists(pass);
+    for (GLuint i = 0; i < STORAGES; i++)
+        glBindBufferBase(GL_SHADER_STORAGE_BUFFER, i, pass->storages[i]);
+    if (raster)
+        raster_begin(raster);
+    choose_blocks(pass, groups);
+    make_triangles(pass, raster ? pass->raster_program : pass->mesh_program, lattice);
+    if (raster)
+        raster_end(raster);
     glMemoryBarrier(GL_COMMAND_BARRIER_BIT | GL_VERTEX_ATTRIB_ARRAY_BARRIER_BIT |
-                    GL_ELEMENT_ARRAY_BARRIER_BIT);
+                    GL_ELEMENT_ARRAY_BARRIER_BIT | GL_BUFFER_UPDATE_BARRIER_BIT);
+    glCopyNamedBufferSubData(pass->storages[STORAGE_DRAWS], pass->counted,
+                             offsetof(struct draw_list, triangles), 0, sizeof(GLuint));
+}
+
+unsigned clipmap_pass_triangles(const struct clipmap_pass *pass)
+{
+    return *pass->triangles;
 }
 
 void clipmap_pass_draw(const struct clipmap_pass *pass)

@@ -8,6 +8,7 @@
 
 #include "base/diag.h"
 #include "render/context.h"
+#include "render/raster.h"
 #include "terrain/loader.h"
 
 struct clipmap_pass;
@@ -48,13 +49,16 @@ struct sample_lattice {
     float columns, rows, first;
 };
 
-/* Chooses the blocks of a frame and makes their triangles, those that have a sample of the picture
- * (without columns: all). The scene block is bound and holds these levels; `groups` is what
- * scene_set_levels() returned. */
-void clipmap_pass_make(const struct clipmap_pass *pass, int groups,
-                       const struct sample_lattice *lattice);
-/* Draws them into what is bound. */
+/* Chooses the blocks of a frame and makes their triangles, those that may have a sample of the
+ * picture (without columns: all). With a rasteriser it draws them into its picture; else (NULL)
+ * clipmap_pass_draw() does into what is bound.
+ * The scene block is bound and holds these levels; `groups` is what scene_set_levels() returned. */
+void clipmap_pass_make(struct clipmap_pass *pass, int groups, const struct sample_lattice *lattice,
+                       const struct raster *raster);
 void clipmap_pass_draw(const struct clipmap_pass *pass);
+
+/* How many triangles were made last, once the GPU has finished the frame. */
+unsigned clipmap_pass_triangles(const struct clipmap_pass *pass);
 
 /* Binds what the shading pass takes from it: units 1 and 2. */
 void clipmap_pass_bind(const struct clipmap_pass *pass);

@@ -60,9 +60,12 @@ bool readback_start(struct readback *readback, unsigned framebuffer, uint64_t fr
         return false;
     struct slot *slot = &readback->slots[(readback->first + readback->used) % READBACK_SLOTS];
     bool depth = readback->what == READBACK_DEPTH;
+    GLint colour;
     glBindFramebuffer(GL_READ_FRAMEBUFFER, framebuffer);
+    glGetIntegerv(GL_READ_BUFFER, &colour);
+    GLenum depth_is = colour == GL_NONE ? GL_DEPTH_COMPONENT : GL_RED;
     glBindBuffer(GL_PIXEL_PACK_BUFFER, slot->buffer);
-    glReadPixels(0, 0, readback->width, readback->height, depth ? GL_DEPTH_COMPONENT : GL_RGBA,
+    glReadPixels(0, 0, readback->width, readback->height, depth ? depth_is : GL_RGBA,
                  depth ? GL_FLOAT : GL_UNSIGNED_BYTE, NULL);
     glBindBuffer(GL_PIXEL_PACK_BUFFER, 0);
     slot->fence = glFenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0);

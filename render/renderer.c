@@ -14,6 +14,7 @@
 #include "render/image_pass.h"
 #include "render/mapped_buffer.h"
 #include "render/program.h"
+#include "render/raster.h"
 #include "render/scene.h"
 #include "terrain/imagery.h"
 
@@ -41,13 +42,15 @@ struct renderer {
     GLuint shade_program;
     bool shade_in_compute; /* else by a triangle over the screen: docs/decisions/0003 */
     GLuint empty_array;
-    GLuint geometry_framebuffer, depth; /* what the terrain pass draws */
+    struct raster *raster;              /* draws the terrain; NULL: the GL's own does */
+    GLuint geometry_framebuffer, depth; /* what the GL's own draws */
+    bool rastered;                      /* which of both has the depth of the last frame */
     GLuint framebuffer, colour;         /* what the shading pass writes */
     struct mapped_buffer scenes;        /* BUFFERED_SCENES parts */
     unsigned scene;
     int select_groups; /* of the blocks that may be drawn: scene_set_levels() */
     bool debug_groups;
-    GLuint time_query, pass_queries[PASS_MARKS], triangle_query;
+    GLuint time_query, pass_queries[PASS_MARKS];
     size_t upload_bytes, terrain_bytes;         /* that a frame copies at most; of terrain */
     struct loader_update *next;                 /* taken, but too much for the last frame */
     struct loader_update *held[LOADER_UPDATES]; /* being copied from by this frame */
@@ -219,6 +222,8 @@ int renderer_create(const struct renderer_params *params, const struct gl_facts 
     int r = create_clipmap(renderer, facts, diag);
     if (r == 0)
         r = create_framebuffers(renderer, diag);
+    if (r == 0 && !facts->software && renderer->samples == 1)
+        r = raster_create(renderer->width, renderer->height, &renderer->raster, diag);
     if (r == 0)
         r = create_scenes(renderer, diag);
     if (r < 0)
@@ -234,7 +239,6 @@ int renderer_create(const struct renderer_params *params, const struct gl_facts 
     glCreateVertexArrays(1, &renderer->empty_array);
     glCreateQueries(GL_TIME_ELAPSED, 1, &renderer->time_query);
     glCreateQueries(GL_TIMESTAMP, PASS_MARKS, renderer->pass_queries);
-    glCreateQueries(GL_PRIMITIVES_GENERATED, 1, &renderer->triangle_query);
     glClipControl(GL_LOWER_LEFT, GL_ZERO_TO_ONE);
     glEnable(GL_DEPTH_TEST);
     glDepthFunc(GL_GEQUAL);
@@ -250,6 +254,7 @@ void renderer_destroy(struct renderer *renderer)
     loader_stop(renderer->loader);
     image_pass_destroy(renderer->images);
     clipmap_pass_destroy(renderer->clipmap);
+    raster_destroy(renderer->raster);
     glDeleteProgram(renderer->shade_program);
     glDeleteVertexArrays(1, &renderer->empty_array);
     glDeleteFramebuffers(1, &renderer->framebuffer);
@@ -259,7 +264,6 @@ void renderer_destroy(struct renderer *renderer)
     mapped_buffer_destroy(&renderer->scenes);
     glDeleteQueries(1, &renderer->time_query);
     glDeleteQueries(PASS_MARKS, renderer->pass_queries);
-    glDeleteQueries(1, &renderer->triangle_query);
     free(renderer);
 }
 
@@ -440,7 +444,7 @@ static void begin_pass(struct renderer *renderer, enum pass pass, const char *na
 /* The terrain pass left the clipmap's textures bound. */
 static void shade(struct renderer *renderer)
 {
-    glBindTextureUnit(3, renderer->depth);
+    glBindTextureUnit(3, renderer->rastered ? raster_texture(renderer->raster) : renderer->depth);
     glUseProgram(renderer->shade_program);
     if (renderer->shade_in_compute) {
         glBindImageTexture(0, renderer->colour, 0, GL_FALSE, 0, GL_WRITE_ONLY, GL_RGBA8);
@@ -456,15 +460,35 @@ static void shade(struct renderer *renderer)
     }
 }
 
-/* Several samples of a pixel lie at some of its sixteenths. */
-static void make_mesh(const struct renderer *renderer)
+/* Where this frame's samples may lie: several of a pixel at some of its sixteenths. */
+static struct sample_lattice lattice_of(const struct renderer *renderer)
 {
     bool several = renderer->samples > 1;
     float a_pixel = several ? 16.0f : 1.0f;
-    const struct sample_lattice lattice = {.columns = a_pixel * (float)renderer->width,
-                                           .rows = a_pixel * (float)renderer->height,
-                                           .first = several ? 0.0f : 0.5f};
-    clipmap_pass_make(renderer->clipmap, renderer->select_groups, &lattice);
+    return (struct sample_lattice){.columns = a_pixel * (float)renderer->width,
+                                   .rows = a_pixel * (float)renderer->height,
+                                   .first = several ? 0.0f : 0.5f};
+}
+
+static void bind_geometry(struct renderer *renderer)
+{
+    glBindFramebuffer(GL_FRAMEBUFFER, renderer->geometry_framebuffer);
+    glViewport(0, 0, renderer->width, renderer->height);
+    glClear(GL_DEPTH_BUFFER_BIT);
+    renderer->rastered = false;
+}
+
+static void draw_terrain(struct renderer *renderer)
+{
+    const struct sample_lattice lattice = lattice_of(renderer);
+    clipmap_pass_make(renderer->clipmap, renderer->select_groups, &lattice, renderer->raster);
+    renderer->rastered = renderer->raster;
+    if (!renderer->raster) {
+        bind_geometry(renderer);
+        clipmap_pass_draw(renderer->clipmap);
+    }
+    clipmap_pass_bind(renderer->clipmap);
+    image_pass_bind(renderer->images);
 }
 
 void renderer_draw(struct renderer *renderer, struct view *view)
@@ -476,19 +500,11 @@ void renderer_draw(struct renderer *renderer, struct view *view)
     clipmap_pass_upload(renderer->clipmap);
     image_pass_upload(renderer->images);
     bind_scene(renderer);
-    if (terrain)
-        make_mesh(renderer);
     begin_pass(renderer, PASS_TERRAIN, "terrain");
-    glBeginQuery(GL_PRIMITIVES_GENERATED, renderer->triangle_query);
-    glBindFramebuffer(GL_FRAMEBUFFER, renderer->geometry_framebuffer);
-    glViewport(0, 0, renderer->width, renderer->height);
-    glClear(GL_DEPTH_BUFFER_BIT);
-    if (terrain) {
-        clipmap_pass_draw(renderer->clipmap);
-        clipmap_pass_bind(renderer->clipmap);
-        image_pass_bind(renderer->images);
-    }
-    glEndQuery(GL_PRIMITIVES_GENERATED);
+    if (terrain)
+        draw_terrain(renderer);
+    else
+        bind_geometry(renderer);
     begin_pass(renderer, PASS_SHADE, "shade");
     shade(renderer);
     begin_pass(renderer, PASSES, NULL);
@@ -505,18 +521,17 @@ static double pass_ms(const GLuint64 *marks_ns, enum pass pass)
  * but the driver allocates one for every frame.) */
 void renderer_finish(struct renderer *renderer, struct renderer_frame *ret_frame)
 {
-    GLuint64 elapsed_ns = 0, marks_ns[PASS_MARKS] = {0}, triangles = 0;
+    GLuint64 elapsed_ns = 0, marks_ns[PASS_MARKS] = {0};
     glGetQueryObjectui64v(renderer->time_query, GL_QUERY_RESULT, &elapsed_ns);
     for (int i = PASSES; i >= 0; i--)
         glGetQueryObjectui64v(renderer->pass_queries[i], GL_QUERY_RESULT, &marks_ns[i]);
-    glGetQueryObjectui64v(renderer->triangle_query, GL_QUERY_RESULT, &triangles);
     renderer->frame.gpu_ms = (double)elapsed_ns * 1e-6;
     renderer->frame.upload_ms = pass_ms(marks_ns, PASS_UPLOAD);
     renderer->frame.terrain_ms = pass_ms(marks_ns, PASS_TERRAIN);
     renderer->frame.shade_ms = pass_ms(marks_ns, PASS_SHADE);
     give_updates_back(renderer);
     image_pass_release(renderer->images);
-    renderer->frame.triangles = triangles;
+    renderer->frame.triangles = clipmap_pass_triangles(renderer->clipmap);
     renderer->frame.failed =
         glGetGraphicsResetStatus() != GL_NO_ERROR || glGetError() == GL_OUT_OF_MEMORY;
     *ret_frame = renderer->frame;
@@ -534,7 +549,8 @@ void renderer_redraw(struct renderer *renderer, const struct view *view,
     glViewport(0, 0, width, height);
     glClear(GL_DEPTH_BUFFER_BIT);
     if (terrain) {
-        clipmap_pass_make(renderer->clipmap, renderer->select_groups, &(struct sample_lattice){0});
+        clipmap_pass_make(renderer->clipmap, renderer->select_groups, &(struct sample_lattice){0},
+                          NULL);
         clipmap_pass_draw(renderer->clipmap);
     }
 }
@@ -542,9 +558,7 @@ void renderer_redraw(struct renderer *renderer, const struct view *view,
 void renderer_redraw_with(struct renderer *renderer, void (*draw)(void *user), void *user)
 {
     bind_scene(renderer);
-    glBindFramebuffer(GL_FRAMEBUFFER, renderer->geometry_framebuffer);
-    glViewport(0, 0, renderer->width, renderer->height);
-    glClear(GL_DEPTH_BUFFER_BIT);
+    bind_geometry(renderer);
     draw(user);
     shade(renderer);
 }
@@ -561,7 +575,8 @@ unsigned renderer_framebuffer(const struct renderer *renderer)
 
 unsigned renderer_depth_framebuffer(const struct renderer *renderer)
 {
-    return renderer->geometry_framebuffer;
+    return renderer->rastered ? raster_framebuffer(renderer->raster)
+                              : renderer->geometry_framebuffer;
 }
 
 void renderer_loader_counts(const struct renderer *renderer, struct loader_counts *ret_counts)

@@ -9,7 +9,7 @@
 
 /* Of curvature; within 0.7 % of it everywhere, as slopes need it. */
 #define MEAN_RADIUS_M 6.3675e6
-#define COLUMNS_MAX   2048 /* of the largest storage */
+#define COLUMNS_MAX   4096 /* of the largest storage */
 
 int level_store_ready(struct level_store *store)
 {

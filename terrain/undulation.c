@@ -6,7 +6,7 @@
 
 #define STRIDE       16     /* half-posts, on fine levels */
 #define FINE_RAD     3.5e-4 /* at most, for that many */
-#define COLUMNS_MOST 132    /* so many strides side by side */
+#define COLUMNS_MOST 260    /* so many strides side by side */
 
 static float between(float a, float b, int i)
 {

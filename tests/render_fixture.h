@@ -86,7 +86,8 @@ struct scene_under_test {
     struct readback *depth, *colour;
 };
 
-static bool full_mesh; /* no level in place of a finer one, however alike */
+static bool in_compute; /* terrain is drawn as on a GPU, wherever it is */
+static bool full_mesh;  /* no level in place of a finer one, however alike */
 
 /* `radius` = 0: what suits the screen, and the full mesh. Depth
  * can be read back where `samples` is 1. Takes the source and the imagery, which may be NULL. */
@@ -108,7 +109,9 @@ static inline bool open_scene_over(struct terrain_source *source, int radius, in
     if (radius)
         params.shape = clipmap_shape(radius, radius / 8, facts.finest_lat_step_deg);
     struct diag diag = {0};
-    int r = renderer_create(&params, &gl, &ret->renderer, &diag);
+    struct gl_facts drawn = gl;
+    drawn.software &= !in_compute;
+    int r = renderer_create(&params, &drawn, &ret->renderer, &diag);
     if (r == 0)
         r = readback_create(WIDTH, HEIGHT, READBACK_DEPTH, &ret->depth, &diag);
     if (r == 0)

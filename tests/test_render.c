@@ -272,6 +272,17 @@ static void views_of_any_direction_and_height_are_drawn(void)
     close_scene(&scene);
 }
 
+/* On a GPU it is so by default. */
+static void a_compute_shader_draws_the_same(void)
+{
+    in_compute = true;
+    rough_ground_has_no_cracks();
+    a_flight_has_no_cracks_at_any_step();
+    flat_ground_lies_where_it_should();
+    views_of_any_direction_and_height_are_drawn();
+    in_compute = false;
+}
+
 int main(void)
 {
     static const struct check_test tests[] = {
@@ -286,6 +297,7 @@ int main(void)
         {"every size of the mesh is drawn", every_size_of_the_mesh_is_drawn},
         {"views of any direction and height are drawn",
          views_of_any_direction_and_height_are_drawn},
+        {"a compute shader draws the same", a_compute_shader_draws_the_same},
     };
     return render_tests_main(tests, sizeof(tests) / sizeof(tests[0]), check_main);
 }

@@ -146,7 +146,7 @@ static void capture(struct mesh *mesh, const struct view *view, double above_m,
     glBindBufferBase(GL_UNIFORM_BUFFER, 0, mesh->scene);
     glBindFramebuffer(GL_FRAMEBUFFER, mesh->framebuffer);
     glEnable(GL_RASTERIZER_DISCARD);
-    clipmap_pass_make(mesh->pass, groups, &(struct sample_lattice){0});
+    clipmap_pass_make(mesh->pass, groups, &(struct sample_lattice){0}, NULL);
     clipmap_pass_draw(mesh->pass);
     glGetBufferParameteriv(GL_DRAW_INDIRECT_BUFFER, GL_BUFFER_SIZE, &bytes);
     glUseProgram(mesh->program);

@@ -11,13 +11,14 @@ shared_of()
     folder=$(dirname "$1")
     case ${1##*/} in
     shade*) cat "$folder/common.glsl" "$folder/images.glsl" "$folder/shade.glsl" ;;
+    mesh.* | raster*) cat "$folder/common.glsl" "$folder/raster.glsl" ;;
     reach.* | select.*) cat "$folder/common.glsl" "$folder/blocks.glsl" ;;
     *) cat "$folder/common.glsl" ;;
     esac
 }
 
 # Checks a stage in all its variants: with and without imagery; both steps of select.comp; one sample
-# a pixel and several.
+# a pixel and several; triangles listed and drawn.
 check()
 {
     stage=${1##*.}
@@ -26,6 +27,7 @@ check()
             printf '#version 450 core\n'
             # shellcheck disable=SC2086 # four numbers
             printf '#define COLOUR %d\n#define WATER %d\n#define SPLIT %d\n#define SAMPLES %d\n' $variant
+            printf '#define RASTER %d\n' "${variant%% *}"
             printf '#define BLOCK 8\n#define TABLE 32\n#define DRAWS 2\n#define BLOCKS_A_DRAW 9\n'
             printf '#define SAMPLE_PLACES vec2(0.25), vec2(0.75)\n#define IMAGE_TAPS 4\n'
             shared_of "$1"

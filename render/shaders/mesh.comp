@@ -1,5 +1,7 @@
 // Makes the triangles of a block that select.comp lists, a work group each: post -> blended height ->
-// position relative to the eye, once for every vertex, and the triangles that may be seen.
+// position relative to the eye, once for every vertex, and the triangles that may be seen. They are
+// listed for an indexed draw; with RASTER they are drawn, large ones but put aside for
+// raster_large.comp.
 //
 // Vertices are addressed in half cells, so that the extra vertices of a doubled edge have integer
 // addresses too. A vertex on an edge of the cube goes by the name that the lowest face has for it.
@@ -12,6 +14,7 @@ const int VERTICES = POSTS + 4 * BLOCK;    // a block's: its posts, then the mid
                                            // west, east, south and north edge
 const int FANS = BLOCK * BLOCK * 2;        // triangles, before edges are doubled
 const int INDICES = 3 * (FANS + 4 * BLOCK);
+const int ROUNDS = (FANS + 63) / 64;
 
 struct Draw {
     uint indices, instances, first, base_vertex, base_instance;
@@ -24,12 +27,15 @@ struct Block {
 };
 
 layout(std430, binding = 1) buffer Draws {
-    uvec4 groups; // blocks listed, 1, 1
+    uint groups[3]; // blocks listed, 1, 1
+    uint triangles;
     Draw draws[];
 };
 layout(std430, binding = 2) readonly buffer Blocks { Block blocks[]; };
+#if !RASTER
 layout(std430, binding = 4) writeonly buffer Vertices { vec4 vertices[]; }; // enu
 layout(std430, binding = 5) writeonly buffer Indices { uint indices[]; };
+#endif
 
 layout(binding = 0) uniform sampler2DArray heights; // own and coarser, m above the ellipsoid
 
@@ -122,23 +128,76 @@ int vertex_of(ivec2 halves)
                                : POSTS + BLOCK * (2 + int(halves.y > 0)) + (halves.x >> 1);
 }
 
-// Whether no sample can be of a triangle: it is behind, beside, turned away, or lies between samples.
-bool is_unseen(vec4 a, vec4 b, vec4 c)
+// The columns and rows of the lattice in which a triangle may have samples. False where there are
+// none, for it is behind, beside, turned away, or lies between samples. One that the near plane cuts
+// may have samples anywhere.
+bool bounds_of(vec4 a, vec4 b, vec4 c, out vec2 first, out vec2 last)
 {
     const float MARGIN = 1.0 / 64.0; // of a pixel; a rasteriser moves vertices by less
-    float near_m = scene.grid.w;
+    first = vec2(0.0);
+    last = 2.0 * lattice.xy - 1.0;
     if (lattice.x == 0.0)
-        return false;
-    if (min(a.w, min(b.w, c.w)) < near_m)
-        return max(a.w, max(b.w, c.w)) < near_m;
+        return true;
+    if (min(a.w, min(b.w, c.w)) < scene.grid.w)
+        return max(a.w, max(b.w, c.w)) >= scene.grid.w;
     vec2 p = a.xy / a.w, q = b.xy / b.w, r = c.xy / c.w;
     vec2 least = max(min(p, min(q, r)), vec2(-1.0)), most = min(max(p, max(q, r)), vec2(1.0));
-    vec2 first = ceil((least + 1.0) * lattice.xy - (lattice.z + MARGIN));
-    vec2 last = floor((most + 1.0) * lattice.xy - (lattice.z - MARGIN));
+    first = ceil((least + 1.0) * lattice.xy - (lattice.z + MARGIN));
+    last = floor((most + 1.0) * lattice.xy - (lattice.z - MARGIN));
     if (any(greaterThan(first, last)))
-        return true;
+        return false;
     vec2 u = (q - p) * lattice.xy, v = (r - p) * lattice.xy;
-    return u.x * v.y - u.y * v.x < -MARGIN * (abs(u.x) + abs(u.y) + abs(v.x) + abs(v.y) + MARGIN);
+    return u.x * v.y - u.y * v.x >= -MARGIN * (abs(u.x) + abs(u.y) + abs(v.x) + abs(v.y) + MARGIN);
+}
+
+#if RASTER
+
+void draw_small(vec4 a, vec4 b, vec4 c, ivec2 first, ivec2 last)
+{
+    Triangle triangle;
+    if (!set_up(a, b, c, vec2(first), triangle))
+        return;
+    for (int y = first.y; y <= last.y; y++)
+        for (int x = first.x; x <= last.x; x++)
+            draw_pixel(triangle, ivec2(x, y), vec2(x - first.x, y - first.y));
+}
+
+// Where there is no room left it is drawn here and now, which is slow.
+void draw_large(vec4 a, vec4 b, vec4 c, ivec2 first, ivec2 last)
+{
+    ivec2 tiles = (last - first) / TILE + 1;
+    uint count = uint(tiles.x * tiles.y);
+    uint triangle = atomicAdd(large_count, 1u);
+    uint job = triangle < LARGE_MOST ? atomicAdd(job_count, count) : JOBS_MOST;
+    if (job + count > JOBS_MOST)
+        draw_small(a, b, c, first, last);
+    if (triangle < LARGE_MOST) {
+        large_corners[3u * triangle] = a;
+        large_corners[3u * triangle + 1u] = b;
+        large_corners[3u * triangle + 2u] = c;
+    }
+    for (uint i = 0u; i < count && job + i < JOBS_MOST; i++) {
+        ivec2 at = first + TILE * ivec2(int(i) % tiles.x, int(i) / tiles.x);
+        jobs[job + i] = uvec2(triangle, uint(at.x) | uint(at.y) << 16);
+    }
+}
+
+#endif
+
+// Whether a triangle is to be counted; with RASTER it is drawn.
+bool is_kept(vec4 a, vec4 b, vec4 c)
+{
+    vec2 first, last;
+    if (!bounds_of(a, b, c, first, last))
+        return false;
+#if RASTER
+    vec2 size = last - first + 1.0;
+    if (size.x * size.y <= SMALL)
+        draw_small(a, b, c, ivec2(first), ivec2(last));
+    else
+        draw_large(a, b, c, ivec2(first), ivec2(last));
+#endif
+    return true;
 }
 
 const ivec2 ring[8] = ivec2[](ivec2(0, 0), ivec2(1, 0), ivec2(2, 0), ivec2(2, 1), ivec2(2, 2),
@@ -172,11 +231,13 @@ Fan fan_at(int index, int doubled)
 int kept_of(Fan fan)
 {
     vec4 middle = corners[fan.middle], between = corners[fan.between];
-    int first = is_unseen(middle, corners[fan.from], between) ? 0 : 1;
+    int first = is_kept(middle, corners[fan.from], between) ? 1 : 0;
     if (!fan.two)
         return first;
-    return first | (is_unseen(middle, between, corners[fan.to]) ? 0 : 2);
+    return first | (is_kept(middle, between, corners[fan.to]) ? 2 : 0);
 }
+
+#if !RASTER
 
 void put(uint at, uint first, int a, int b, int c)
 {
@@ -185,22 +246,47 @@ void put(uint at, uint first, int a, int b, int c)
     indices[at + 2u] = first + uint(c);
 }
 
-void main()
+// Writes what an invocation keeps, from `at` on.
+void list_kept(int keep[ROUNDS], uint at, uint first, int doubled)
 {
-    const int ROUNDS = (FANS + 63) / 64;
-    uint index = gl_WorkGroupID.x;
-    int lane = int(gl_LocalInvocationIndex);
-    if (index >= uint(DRAWS * BLOCKS_A_DRAW))
-        return;
-    Block block = blocks[index];
-    uint first = index * uint(VERTICES);
-    for (int i = lane; i < VERTICES; i += 64) {
+    for (int i = 0; i < ROUNDS; i++) {
+        if (keep[i] == 0)
+            continue;
+        Fan fan = fan_at(64 * i + int(gl_LocalInvocationIndex), doubled);
+        if ((keep[i] & 1) != 0) {
+            put(at, first, fan.middle, fan.from, fan.between);
+            at += 3u;
+        }
+        if ((keep[i] & 2) != 0) {
+            put(at, first, fan.middle, fan.between, fan.to);
+            at += 3u;
+        }
+    }
+}
+
+#endif
+
+void place_vertices(Block block, uint first)
+{
+    for (int i = int(gl_LocalInvocationIndex); i < VERTICES; i += 64) {
         if (i >= POSTS && (block.place.w >> ((i - POSTS) / BLOCK) & 1) == 0)
             continue;
         vec3 enu = vertex_at(block, 2 * block.place.xy + halves_of(i));
         corners[i] = scene.clip_from_enu * vec4(enu, 1.0);
+#if !RASTER
         vertices[first + uint(i)] = vec4(enu, 1.0);
+#endif
     }
+}
+
+void main()
+{
+    uint index = gl_WorkGroupID.x, first = index * uint(VERTICES);
+    int lane = int(gl_LocalInvocationIndex);
+    if (index >= uint(DRAWS * BLOCKS_A_DRAW))
+        return;
+    Block block = blocks[index];
+    place_vertices(block, first);
     if (lane == 0)
         kept = 0u;
     barrier();
@@ -214,22 +300,14 @@ void main()
     uint place = count > 0u ? atomicAdd(kept, count) : 0u;
     barrier();
     if (lane == 0 && kept > 0u) {
+        atomicAdd(triangles, kept);
+#if !RASTER
         uint draw = index / uint(BLOCKS_A_DRAW);
         base = draw * uint(BLOCKS_A_DRAW * INDICES) + atomicAdd(draws[draw].indices, 3u * kept);
+#endif
     }
+#if !RASTER
     barrier();
-    uint at = base + 3u * place;
-    for (int i = 0; i < ROUNDS; i++) {
-        if (keep[i] == 0)
-            continue;
-        Fan fan = fan_at(64 * i + lane, block.place.w);
-        if ((keep[i] & 1) != 0) {
-            put(at, first, fan.middle, fan.from, fan.between);
-            at += 3u;
-        }
-        if ((keep[i] & 2) != 0) {
-            put(at, first, fan.middle, fan.between, fan.to);
-            at += 3u;
-        }
-    }
+    list_kept(keep, base + 3u * place, first, block.place.w);
+#endif
 }

@@ -9,8 +9,8 @@ struct Draw {
 
 layout(std430, binding = 0) buffer Splits { uint splits[]; };
 layout(std430, binding = 1) buffer Draws {
-    uint count; // work groups of mesh.comp
-    uint unused[3];
+    uint count, unused[2]; // work groups of mesh.comp
+    uint triangles;
     Draw draws[];
 };
 struct Block { // as mesh.comp has it
@@ -144,7 +144,7 @@ void main()
     if (gl_WorkGroupID.x == 0u) {
         for (uint i = gl_LocalInvocationIndex; i < uint(DRAWS); i += 64u)
             draws[i].indices = 0u;
-        count = 0u;
+        count = triangles = 0u;
     }
 #endif
     int group = int(gl_WorkGroupID.x), level = 0;
