@@ -225,7 +225,7 @@ static bool fix_live(const struct canaerospace_fix *fix, nsec_t now_ns)
     return fix->known && now_ns - fix->time_ns <= CANAEROSPACE_STALE_NS;
 }
 
-/* The newest fix, carried forward to `now_ns`. */
+/* The newest fix, carried to `now_ns`, which may be a little before it. */
 static bool add_position(const struct canaerospace *state, nsec_t now_ns,
                          struct pose_sample *sample)
 {
@@ -243,9 +243,10 @@ static bool add_position(const struct canaerospace *state, nsec_t now_ns,
                                     .height_m = number(state, height) + up_mps * height_age_s}};
     memcpy(fix.velocity_ned_mps, sample->pose.velocity_ned_mps, sizeof(fix.velocity_ned_mps));
     struct pose carried = fix;
-    if (fix.valid & POSE_VELOCITY && now_ns > fix_ns)
+    if (fix.valid & POSE_VELOCITY)
         pose_extrapolate(&fix, seconds_from_ns(now_ns - fix_ns), &carried);
     sample->pose.position = carried.position;
+    sample->pose.position_age_ns = now_ns - fix_ns;
     sample->pose.valid |= POSE_POSITION;
     sample->datum = height == CANAEROSPACE_TRUE_ALTITUDE || height == CANAEROSPACE_BARO_ALTITUDE
                         ? ALTITUDE_EGM96
@@ -304,7 +305,7 @@ static bool complete_fix(struct canaerospace *state, int parameter)
     const struct canaerospace_value *lat = &state->values[lat_at], *lon = lat + 1;
     const struct canaerospace_value *mine = is_lat ? lat : lon, *other = is_lat ? lon : lat;
     bool *other_fresh = is_lat ? &fix->lon_fresh : &fix->lat_fresh;
-    if (mine->interval_ns > 0 && mine->time_ns - other->time_ns > mine->interval_ns / 2)
+    if (mine->cycle_ns > 0 && mine->time_ns - other->time_ns > mine->cycle_ns / 2)
         *other_fresh = false;
     *(is_lat ? &fix->lat_fresh : &fix->lon_fresh) = true;
     if (!*other_fresh)
@@ -317,6 +318,9 @@ static bool complete_fix(struct canaerospace *state, int parameter)
 static void store(struct canaerospace_value *value, double number_, nsec_t now_ns)
 {
     value->interval_ns = value->known ? now_ns - value->time_ns : 0;
+    nsec_t longer_ns = value->cycle_ns + value->cycle_ns / 16;
+    value->cycle_ns =
+        value->cycle_ns > 0 && value->interval_ns > longer_ns ? longer_ns : value->interval_ns;
     value->known = true;
     value->value = number_;
     value->time_ns = now_ns;

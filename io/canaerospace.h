@@ -47,6 +47,7 @@ struct canaerospace_value {
     bool known;
     double value;
     nsec_t time_ns, interval_ns; /* newest, and since the one before it */
+    nsec_t cycle_ns;             /* the interval without what a loss adds to it */
     bool counted;                /* `code` is that of a former frame */
     uint8_t code, type;
     bool halves_share_code; /* this sender gives both halves one code */

@@ -10,12 +10,6 @@
 
 /* A sequence number that jumps further than this either way is a new start. */
 #define SEQUENCE_JUMP 4096
-/* The offset of two clocks may creep by this much, so that drift does not wear the mapping out. */
-#define CLOCK_DRIFT_PER_S 1e-4
-#define CLOCK_JUMP_NS     (500 * NSEC_PER_MSEC)
-/* A clock that was set back by less shows as a path that is never as short again for this long. */
-#define CLOCK_WINDOW_NS (5 * NSEC_PER_SEC)
-#define CLOCK_STEP_NS   (10 * NSEC_PER_MSEC)
 
 static const char *const protocol_names[POSE_PROTOCOLS] = {
     [POSE_PROTOCOL_NATIVE] = "native",
@@ -60,7 +54,7 @@ static void start_sequence(struct intake *intake, const struct pose_sample *samp
     intake->session = sample->session;
     intake->sequence = sample->sequence;
     intake->seen = 1;
-    intake->clock.known = false;
+    intake->clock.sender.known = false;
 }
 
 /* Only ever forward: what is late is counted and refused. One that fills a gap was not lost. */
@@ -92,32 +86,6 @@ static int check_sequence(struct intake *intake, const struct pose_sample *sampl
                   intake->sequence);
 }
 
-/* When the sample was valid, on our clock: no later than it arrived, free of the network's jitter
- * where the sender says when it sent. */
-static nsec_t sample_time(struct sender_clock *clock, int64_t sender_ns, nsec_t receive_ns)
-{
-    /* Neither sum nor difference may overflow on what a peer sends. */
-    if (sender_ns <= 0 || sender_ns > INT64_MAX / 2)
-        return receive_ns;
-    nsec_t offset_ns = receive_ns - sender_ns;
-    nsec_t creep_ns = (nsec_t)((double)(receive_ns - clock->last_receive_ns) * CLOCK_DRIFT_PER_S);
-    clock->last_receive_ns = receive_ns;
-    clock->offset_ns += creep_ns;
-    if (!clock->known || receive_ns - clock->window_ns > CLOCK_WINDOW_NS) {
-        if (clock->known && clock->least_ns - clock->offset_ns > CLOCK_STEP_NS)
-            clock->offset_ns = clock->least_ns;
-        clock->window_ns = receive_ns;
-        clock->least_ns = offset_ns;
-    }
-    if (offset_ns < clock->least_ns)
-        clock->least_ns = offset_ns;
-    if (!clock->known || offset_ns < clock->offset_ns ||
-        offset_ns - clock->offset_ns > CLOCK_JUMP_NS)
-        clock->offset_ns = offset_ns;
-    clock->known = true;
-    return sender_ns + clock->offset_ns;
-}
-
 static int accept(struct intake *intake, struct pose_sample *sample, nsec_t receive_ns,
                   struct pose *ret_pose, struct rejection *ret_rejection)
 {
@@ -130,10 +98,9 @@ static int accept(struct intake *intake, struct pose_sample *sample, nsec_t rece
         sample->datum = intake->params.datum;
     sample_to_ellipsoid(sample, &intake->params.geoid);
     sample->pose.receive_ns = receive_ns;
-    if (!sample->pose.time_ns)
-        sample->pose.time_ns = sample_time(&intake->clock, sample->sender_ns, receive_ns);
     if (!pose_is_sane(&sample->pose))
         return reject(ret_rejection, REJECT_RANGE, 0, "its height has no sense on the ellipsoid");
+    pose_clock_set(&intake->clock, sample, receive_ns, intake->params.smooth);
     intake->counters.accepted++;
     *ret_pose = sample->pose;
     return 1;

@@ -4,6 +4,7 @@
 
 #include "io/canaerospace.h"
 #include "io/decode.h"
+#include "io/sample_clock.h"
 
 enum pose_protocol {
     POSE_PROTOCOL_NATIVE,
@@ -30,6 +31,7 @@ struct intake_params {
     enum pose_protocol protocol;
     bool force_datum; /* `datum` instead of what the protocol says */
     enum altitude_datum datum;
+    bool smooth; /* poses without a stamp are freed of jitter; off: they are timed as they came */
     struct geoid_function geoid; /* required */
 };
 
@@ -41,21 +43,13 @@ struct intake_counters {
     uint64_t reordered, duplicates;    /* both also count as rejected: late */
 };
 
-/* The sender's clock laid on ours: the least (receive - send) of late is the path without jitter.
- */
-struct sender_clock {
-    bool known;
-    nsec_t offset_ns, last_receive_ns;
-    nsec_t window_ns, least_ns; /* since when, the least difference that came */
-};
-
 struct intake {
     struct intake_params params;
     struct intake_counters counters;
     bool started;
     uint32_t session, sequence;
     uint64_t seen; /* bit k: sequence - k was received */
-    struct sender_clock clock;
+    struct pose_clock clock;
     struct canaerospace can;
     double agl_m; /* of the newest FlightGear packet; NAN else */
 };

@@ -16,6 +16,7 @@ struct scheduler {
     const struct send_params *params;
     struct send_schedule *schedule;
     uint64_t random; /* state of the generator */
+    nsec_t late_ns;  /* of the pose at hand */
     uint32_t sequence;
     struct canaerospace_encoder can;
 };
@@ -50,13 +51,13 @@ static int make_room(struct send_schedule *schedule, size_t size)
     return 0;
 }
 
-/* One packet, unless it is left out. Each draws two numbers, whatever the chances, so that the same
- * seed hits the same packets. */
+/* One packet, unless it is left out. A pose draws a number, and each of its packets, whatever the
+ * chances, so that the same seed hits the same packets. */
 static int put_packet(struct scheduler *s, nsec_t time_ns, const void *data, size_t size)
 {
     struct send_schedule *schedule = s->schedule;
     bool left_out = next_random(s) < s->params->loss;
-    time_ns += (nsec_t)(next_random(s) * s->params->jitter_ms * 1e6);
+    time_ns += s->late_ns;
     if (left_out) {
         schedule->left_out++;
         return 0;
@@ -116,8 +117,10 @@ static void scale_motion(struct pose *pose, double speed)
     }
 }
 
+/* What belongs to one pose leaves together: the frames of a bus are queued by one task. */
 static int put_pose(struct scheduler *s, nsec_t time_ns, const struct pose *pose)
 {
+    s->late_ns = (nsec_t)(next_random(s) * s->params->jitter_ms * 1e6);
     switch (s->params->protocol) {
     case POSE_PROTOCOL_NATIVE:
         return put_native(s, time_ns, pose);
@@ -128,7 +131,7 @@ static int put_pose(struct scheduler *s, nsec_t time_ns, const struct pose *pose
     }
 }
 
-/* Swaps what is sent, not when. */
+/* The first of two waits for the second and goes out behind it: nothing is sent before its time. */
 static void reorder(struct scheduler *s)
 {
     struct send_item *items = s->schedule->items;
@@ -136,6 +139,7 @@ static void reorder(struct scheduler *s)
         if (next_random(s) >= s->params->reorder)
             continue;
         struct send_item first = items[i], second = items[i + 1];
+        items[i].time_ns = second.time_ns;
         items[i].offset = second.offset;
         items[i].size = second.size;
         items[i + 1].offset = first.offset;

@@ -14,7 +14,7 @@ _otwd_values() {
     --datum) echo "egm96 ellipsoid" ;;
     --speed) echo "max" ;;
     --samples) echo "1 4" ;;
-    bench) echo "codec quality stability" ;;
+    bench) echo "codec motion quality stability" ;;
     --flight) echo "taxi low dash fast high descent climb creep" ;;
     --to) echo "udp:// can: sim:" ;;
     esac
