@@ -117,7 +117,7 @@ struct config_source {
 };
 
 enum config_pose_mode {
-    CONFIG_POSE_EXTRAPOLATE, /* the pose carried forward to the frame's own time */
+    CONFIG_POSE_EXTRAPOLATE, /* motion: between poses, and carried on beyond them */
     CONFIG_POSE_LATEST,      /* the newest pose as it came */
 };
 
@@ -128,6 +128,7 @@ enum config_on_loss {
 
 struct config_pose {
     enum config_pose_mode mode;
+    unsigned delay_ms; /* of what is shown */
     unsigned max_extrapolation_ms;
     enum config_on_loss on_loss;
 };

@@ -45,6 +45,7 @@ static const struct config_key keys[] = {
     {"sources[].altitude", "default"},
     {"sources[].allow[]", NULL},
     {"pose.mode", "extrapolate"},
+    {"pose.delay_ms", "40", 0, 1000, "ms"},
     {"pose.max_extrapolation_ms", "250", 0, 10000, "ms"},
     {"pose.on_loss", "coast"},
     {"health.modbus.listen", "127.0.0.1:1502"},

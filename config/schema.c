@@ -136,6 +136,7 @@ static const cyaml_strval_t on_loss_words[] = {
 static const cyaml_schema_field_t pose_fields[] = {
     CYAML_FIELD_ENUM("mode", WORD, struct config_pose, mode, mode_words,
                      CYAML_ARRAY_LEN(mode_words)),
+    CYAML_FIELD_UINT("delay_ms", OPTIONAL, struct config_pose, delay_ms),
     CYAML_FIELD_UINT("max_extrapolation_ms", OPTIONAL, struct config_pose, max_extrapolation_ms),
     CYAML_FIELD_ENUM("on_loss", WORD, struct config_pose, on_loss, on_loss_words,
                      CYAML_ARRAY_LEN(on_loss_words)),

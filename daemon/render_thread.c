@@ -19,6 +19,7 @@
 struct render_thread {
     struct render_params params;
     struct latest input; /* struct render_input, written by the event loop */
+    struct ring poses;   /* struct arrived, written by the event loop */
     struct ring samples; /* struct frame_sample, read by the event loop */
     int event_fd;
     _Atomic int
@@ -33,6 +34,11 @@ struct render_thread {
     struct diag output_diag;
 };
 
+struct arrived {
+    int source;
+    struct pose pose;
+};
+
 /* What the frame loop carries from frame to frame. */
 struct frame_loop {
     struct render_thread *thread;
@@ -43,7 +49,8 @@ struct frame_loop {
     struct render_input input;
     struct pose shown;
     nsec_t shown_utc_ns;
-    bool fresh; /* the pose in `input` has not been drawn yet */
+    struct motion motion;
+    nsec_t reached_ns; /* receive stamp of the newest pose that a frame has reached */
     uint64_t snapshot;
     struct frame_sample sample;
     struct governor governor;
@@ -57,11 +64,18 @@ static void announce(struct render_thread *thread, enum render_state state)
         return; /* full: the loop will wake up all the same */
 }
 
+/* The newest pose comes with the input, too: the ring may have been full. */
 static void take_input(struct frame_loop *loop)
 {
-    nsec_t before_ns = loop->input.pose.receive_ns;
-    if (latest_take(&loop->thread->input, &loop->input))
-        loop->fresh = loop->input.pose.receive_ns != before_ns;
+    struct arrived arrived;
+    while (ring_take(&loop->thread->poses, &arrived))
+        motion_put(&loop->motion, arrived.source, &arrived.pose);
+    if (!latest_take(&loop->thread->input, &loop->input))
+        return;
+    motion_set_params(&loop->motion, &loop->input.motion);
+    motion_set_live(&loop->motion, loop->input.live);
+    if (loop->input.pose.receive_ns)
+        motion_put(&loop->motion, loop->input.source, &loop->input.pose);
     channel_set_visibility(loop->channel, loop->input.visibility_m);
 }
 
@@ -69,8 +83,8 @@ static void choose_pose(struct frame_loop *loop, nsec_t frame_ns)
 {
     if (loop->input.frozen && loop->sample.frame > 0)
         return;
-    pose_for_frame(&loop->input.policy, &loop->input.pose, loop->input.live, frame_ns,
-                   &loop->shown);
+    if (!motion_show(&loop->motion, frame_ns, &loop->shown))
+        loop->shown = loop->input.pose;
     loop->shown_utc_ns = frame_ns + loop->input.utc_offset_ns;
 }
 
@@ -92,7 +106,8 @@ static void fill_sample(struct frame_loop *loop, const struct channel_frame *fra
     renderer_loader_counts(channel_renderer(loop->channel), &counts);
     renderer_image_counts(channel_renderer(loop->channel), &images);
     uint64_t missed = (uint64_t)((frame->finished_ns - tick_ns) / loop->period_ns);
-    bool drawn_first = loop->fresh && !loop->input.frozen;
+    nsec_t reached_ns = loop->shown.receive_ns;
+    bool first = reached_ns && reached_ns != loop->reached_ns;
     sample->frame++;
     sample->missed += missed;
     sample->late = missed > 0;
@@ -102,7 +117,7 @@ static void fill_sample(struct frame_loop *loop, const struct channel_frame *fra
     sample->gpu_ms = frame->renderer.gpu_ms;
     sample->pixel_error = frame->renderer.pixel_error;
     sample->reduced = governor_trades(&loop->governor);
-    sample->transport_ns = drawn_first ? frame->finished_ns - loop->input.pose.receive_ns : -1;
+    sample->transport_ns = first ? frame->finished_ns - reached_ns : -1;
     sample->position = loop->shown.position;
     sample->attitude = loop->shown.attitude;
     sample->height_above_terrain_m = frame->renderer.height_above_terrain_m;
@@ -112,8 +127,8 @@ static void fill_sample(struct frame_loop *loop, const struct channel_frame *fra
     sample->terrain_errors = counts.read_errors + images.read_errors;
     if (sample->frame % loop->gpu_memory_every == 1)
         sample->gpu_mib = gl_memory_used_mib(channel_gl(loop->channel));
-    if (drawn_first)
-        loop->fresh = false;
+    if (first)
+        loop->reached_ns = reached_ns;
 }
 
 /* Draws the frame of the tick at `tick_ns`, which is to be seen one period later. Returns the tick
@@ -127,8 +142,7 @@ static nsec_t draw_frame(struct frame_loop *loop, nsec_t tick_ns, bool *ret_fail
     choose_pose(loop, frame_ns);
     struct pose next = loop->shown;
     if (!loop->input.frozen)
-        pose_for_frame(&loop->input.policy, &loop->input.pose, loop->input.live,
-                       frame_ns + loop->period_ns, &next);
+        motion_at(&loop->motion, frame_ns + loop->period_ns, &next);
     channel_draw(loop->channel, &loop->shown, &next, loop->shown_utc_ns, false, &frame);
     renderer_set_pixel_error(
         channel_renderer(loop->channel),
@@ -187,6 +201,9 @@ static void *render_main(void *data)
         announce(thread, RENDER_FAILED);
         return NULL;
     }
+    motion_init(&loop.motion, &loop.input.motion);
+    if (loop.input.pose.receive_ns)
+        motion_put(&loop.motion, loop.input.source, &loop.input.pose);
     governor_init(&loop.governor, thread->params.channel.pixel_error,
                   thread->params.pixel_error_most, (double)loop.period_ns * 1e-6);
     thread->gl = *channel_gl(loop.channel);
@@ -212,6 +229,8 @@ static int start(struct render_thread *thread)
     if (thread->event_fd < 0)
         return -errno;
     int r = latest_init(&thread->input, sizeof(struct render_input));
+    if (r == 0)
+        r = ring_init(&thread->poses, sizeof(struct arrived), RENDER_POSES);
     if (r == 0)
         r = ring_init(&thread->samples, sizeof(struct frame_sample), RENDER_SAMPLES);
     if (r == 0)
@@ -251,6 +270,7 @@ int render_thread_stop(struct render_thread *thread, struct diag *diag)
     if (r < 0)
         diag_set(diag, r, "%s", thread->output_diag.text);
     latest_finish(&thread->input);
+    ring_finish(&thread->poses);
     ring_finish(&thread->samples);
     if (thread->event_fd >= 0)
         close(thread->event_fd);
@@ -282,6 +302,12 @@ const struct gl_facts *render_thread_gl(const struct render_thread *thread)
 const char *render_thread_note(const struct render_thread *thread)
 {
     return thread->note;
+}
+
+void render_thread_pose(struct render_thread *thread, int source, const struct pose *pose)
+{
+    struct arrived arrived = {.source = source, .pose = *pose};
+    ring_put(&thread->poses, &arrived);
 }
 
 void render_thread_publish(struct render_thread *thread, const struct render_input *input)

@@ -125,5 +125,5 @@ void service_modbus_close(struct service *service);
 void service_reload(struct service *service);
 
 /* config_service.c: the configuration as the parts' parameters. */
-struct pose_policy config_pose_policy(const struct config *config);
+struct motion_params config_motion(const struct config *config);
 struct intake_params config_intake(const struct config_source *source, struct geoid *geoid);

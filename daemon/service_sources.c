@@ -11,13 +11,13 @@
 #define RETRY_NS NSEC_PER_SEC
 #define HOLD_NS  (2 * NSEC_PER_SEC) /* how long a refusal or a failed read counts as a fault */
 
-struct pose_policy config_pose_policy(const struct config *config)
+struct motion_params config_motion(const struct config *config)
 {
-    return (struct pose_policy){
-        .mode = config->pose.mode == CONFIG_POSE_LATEST ? POSE_MODE_HOLD : POSE_MODE_EXTRAPOLATE,
-        .on_loss = config->pose.on_loss == CONFIG_ON_LOSS_FREEZE ? POSE_ON_LOSS_FREEZE
-                                                                 : POSE_ON_LOSS_COAST,
-        .max_extrapolation_ns = config->pose.max_extrapolation_ms * NSEC_PER_MSEC,
+    return (struct motion_params){
+        .latest = config->pose.mode == CONFIG_POSE_LATEST,
+        .freeze = config->pose.on_loss == CONFIG_ON_LOSS_FREEZE,
+        .delay_ns = config->pose.delay_ms * NSEC_PER_MSEC,
+        .extrapolate_ns = config->pose.max_extrapolation_ms * NSEC_PER_MSEC,
     };
 }
 
@@ -32,6 +32,7 @@ struct intake_params config_intake(const struct config_source *source, struct ge
         .protocol = protocols[source->type],
         .force_datum = source->altitude != CONFIG_ALTITUDE_DEFAULT,
         .datum = source->altitude == CONFIG_ALTITUDE_EGM96 ? ALTITUDE_EGM96 : ALTITUDE_ELLIPSOID,
+        .smooth = true,
         .geoid = geoid_function_of(geoid),
     };
 }
@@ -44,9 +45,12 @@ static void drive(struct service *service, int index, const struct pose *pose)
     service->input.pose = *pose;
     if (!(pose->valid & POSE_ATTITUDE))
         service->input.pose.attitude = attitude;
+    service->input.source = index;
     service->input.live = true;
     service->has_pose = true;
     service->driving = index;
+    if (service->render)
+        render_thread_pose(service->render, index, &service->input.pose);
     service_publish(service);
     if (service->recorder)
         otwlog_add_pose(recorder_writer(service->recorder), (unsigned)index, pose);

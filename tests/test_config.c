@@ -67,6 +67,7 @@ static void check_defaults(const struct config *c)
     CHECK_INT(c->environment.time_utc_ns, 0);
     CHECK(c->environment.atmosphere);
     CHECK_INT(c->pose.mode, CONFIG_POSE_EXTRAPOLATE);
+    CHECK_INT(c->pose.delay_ms, 40);
     CHECK_INT(c->pose.max_extrapolation_ms, 250);
     CHECK_INT(c->pose.on_loss, CONFIG_ON_LOSS_COAST);
     CHECK_STRING(c->health.modbus.listen, "127.0.0.1:1502");

@@ -476,25 +476,6 @@ static void the_best_live_source_drives(void)
     CHECK_INT(arbiter_add(&arbiter, 1, 1), -ENOSPC);
 }
 
-static void a_frame_sees_the_pose_at_its_own_time_within_a_limit(void)
-{
-    struct pose pose = {.time_ns = NSEC_PER_SEC,
-                        .valid = POSE_POSITION | POSE_VELOCITY,
-                        .velocity_ned_mps = {0, 0, -10}};
-    struct pose_policy policy = {.max_extrapolation_ns = 250 * NSEC_PER_MSEC};
-    struct pose seen;
-    pose_for_frame(&policy, &pose, true, NSEC_PER_SEC + 100 * NSEC_PER_MSEC, &seen);
-    CHECK_NEAR(seen.position.height_m, 1.0, 1e-6);
-    pose_for_frame(&policy, &pose, false, 9 * NSEC_PER_SEC, &seen); /* coasts, then holds */
-    CHECK_NEAR(seen.position.height_m, 2.5, 1e-6);
-    policy.on_loss = POSE_ON_LOSS_FREEZE;
-    pose_for_frame(&policy, &pose, false, 9 * NSEC_PER_SEC, &seen);
-    CHECK_NEAR(seen.position.height_m, 0.0, 0.0);
-    policy.mode = POSE_MODE_HOLD;
-    pose_for_frame(&policy, &pose, true, 9 * NSEC_PER_SEC, &seen);
-    CHECK_NEAR(seen.position.height_m, 0.0, 0.0);
-}
-
 static const struct check_test tests[] = {
     {"addresses and networks are parsed", addresses_and_networks_are_parsed},
     {"a port in use is named", a_port_in_use_is_named},
@@ -515,8 +496,6 @@ static const struct check_test tests[] = {
     {"an interface that is not there is down, not fatal",
      an_interface_that_is_not_there_is_down_not_fatal},
     {"the best live source drives", the_best_live_source_drives},
-    {"a frame sees the pose at its own time, within a limit",
-     a_frame_sees_the_pose_at_its_own_time_within_a_limit},
 };
 
 int main(void)
