@@ -2,6 +2,7 @@
 
 #include <jansson.h>
 #include <stdio.h>
+#include <string.h>
 #include <sysexits.h>
 
 #include "daemon/cli.h"
@@ -13,6 +14,11 @@
 
 static const double rates_hz[] = {10.0, 20.0, 50.0, 60.0};
 #define RATES (sizeof(rates_hz) / sizeof(rates_hz[0]))
+
+/* Those that `otwd send` speaks. */
+static const enum pose_protocol protocols[] = {POSE_PROTOCOL_NATIVE, POSE_PROTOCOL_FLIGHTGEAR,
+                                               POSE_PROTOCOL_CANAEROSPACE};
+#define PROTOCOLS (sizeof(protocols) / sizeof(protocols[0]))
 
 enum { OPT_PROTOCOL = 256, OPT_JITTER, OPT_LOSS, OPT_REORDER, OPT_SEED, OPT_DURATION };
 
@@ -34,6 +40,15 @@ static const struct argp_option known[] = {
     {0},
 };
 
+static enum pose_protocol find_protocol(struct argp_state *state, const char *name)
+{
+    for (size_t i = 0; i < PROTOCOLS; i++)
+        if (strcmp(name, pose_protocol_name(protocols[i])) == 0)
+            return protocols[i];
+    argp_error(state, "there is no protocol \"%s\" to measure", name);
+    return protocols[0];
+}
+
 static error_t parse_option(int key, char *argument, struct argp_state *state)
 {
     struct motion_options *options = state->input;
@@ -41,8 +56,7 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
     switch (key) {
     case OPT_PROTOCOL:
         options->only = true;
-        if (pose_protocol_from_name(argument, &trial->protocol) < 0)
-            argp_error(state, "there is no protocol \"%s\"", argument);
+        trial->protocol = find_protocol(state, argument);
         return 0;
     case OPT_JITTER:
         trial->jitter_ms = cli_number(state, "jitter-ms", argument, 0.0, 1000.0);
@@ -186,9 +200,9 @@ int bench_motion_main(int argc, char **argv)
     cli_parse(&parser, "bench motion", argc, argv, &options);
     options.results = json_array();
     int r = 0;
-    for (int i = 0; i < POSE_PROTOCOLS && r == 0; i++)
-        if (!options.only || options.trial.protocol == (enum pose_protocol)i)
-            r = measure_protocol(&options, (enum pose_protocol)i, &diag);
+    for (size_t i = 0; i < PROTOCOLS && r == 0; i++)
+        if (!options.only || options.trial.protocol == protocols[i])
+            r = measure_protocol(&options, protocols[i], &diag);
     if (r == 0 && options.json) {
         json_dumpf(options.results, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(7));
         putchar('\n');

@@ -251,7 +251,7 @@ void service_reload(struct service *service)
     take_health(service, &next);
     service->config.pose = next.pose;
     service->config.environment = next.environment;
-    service->input.motion = config_motion(&next);
+    service->input.motion = config_motion(&service->config, service->driving);
     service->input.visibility_m = next.environment.visibility_m;
     service->follow_clock = next.environment.time_utc_ns == 0;
     if (!service->follow_clock)

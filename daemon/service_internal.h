@@ -125,5 +125,7 @@ void service_modbus_close(struct service *service);
 void service_reload(struct service *service);
 
 /* config_service.c: the configuration as the parts' parameters. */
-struct motion_params config_motion(const struct config *config);
+/* `source`: the index of the one that drives, or negative. CIGI says itself where things are in
+ * each frame. */
+struct motion_params config_motion(const struct config *config, int source);
 struct intake_params config_intake(const struct config_source *source, struct geoid *geoid);

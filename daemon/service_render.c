@@ -127,7 +127,7 @@ int service_start_render(struct service *service, struct diag *diag)
     service->follow_clock = config->environment.time_utc_ns == 0;
     service->input = (struct render_input){
         .pose = start,
-        .motion = config_motion(config),
+        .motion = config_motion(config, ARBITER_NONE),
         .visibility_m = config->environment.visibility_m,
         .utc_offset_ns = config->environment.time_utc_ns - clock_monotonic_ns(),
     };

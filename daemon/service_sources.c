@@ -11,10 +11,11 @@
 #define RETRY_NS NSEC_PER_SEC
 #define HOLD_NS  (2 * NSEC_PER_SEC) /* how long a refusal or a failed read counts as a fault */
 
-struct motion_params config_motion(const struct config *config)
+struct motion_params config_motion(const struct config *config, int source)
 {
+    bool cigi = source >= 0 && config->sources[source].type == CONFIG_SOURCE_CIGI;
     return (struct motion_params){
-        .latest = config->pose.mode == CONFIG_POSE_LATEST,
+        .latest = config->pose.mode == CONFIG_POSE_LATEST || cigi,
         .freeze = config->pose.on_loss == CONFIG_ON_LOSS_FREEZE,
         .delay_ns = config->pose.delay_ms * NSEC_PER_MSEC,
         .extrapolate_ns = config->pose.max_extrapolation_ms * NSEC_PER_MSEC,
@@ -46,6 +47,7 @@ static void drive(struct service *service, int index, const struct pose *pose)
     if (!(pose->valid & POSE_ATTITUDE))
         service->input.pose.attitude = attitude;
     service->input.source = index;
+    service->input.motion = config_motion(&service->config, index);
     service->input.live = true;
     service->has_pose = true;
     service->driving = index;

@@ -107,7 +107,7 @@ static bool time_of_way(const struct arrival_clock *clock, const double place_m[
 /* The next instant of a steady rate, which follows what comes. */
 static double time_of_loop(struct arrival_clock *clock, nsec_t receive_ns)
 {
-    double passed_ns = (double)(receive_ns - clock->line_ns);
+    double passed_ns = (double)(receive_ns - clock->line_ns - clock->lag_ns);
     double interval_ns = (double)(receive_ns - clock->receive_ns);
     if (interval_ns < LOOP_APART_NS)
         return 0.0;
@@ -116,8 +116,10 @@ static double time_of_loop(struct arrival_clock *clock, nsec_t receive_ns)
     double period_ns = fmax(clock->period_ns, 1e3);
     double steps = fmax(round(passed_ns / period_ns), 1.0);
     double late_ns = passed_ns - steps * period_ns;
-    if (fabs(late_ns) > LOOP_LOST_NS)
-        return passed_ns;
+    if (fabs(late_ns) > LOOP_LOST_NS) {
+        clock->lag_ns = clock->receive_ns - clock->line_ns;
+        return interval_ns;
+    }
     clock->period_ns = fmax(period_ns + LOOP_PERIOD * late_ns / steps, 1e3);
     return fmax(steps * period_ns + LOOP_PHASE * late_ns, 0.0);
 }
@@ -150,6 +152,8 @@ static double time_since(struct arrival_clock *clock, const double place_m[3],
         step_ns = (double)(receive_ns - clock->receive_ns);
     else
         step_ns = time_of_loop(clock, receive_ns);
+    if (clock->moves || moved)
+        clock->lag_ns = receive_ns - clock->line_ns - (nsec_t)step_ns;
     clock->count++;
     return step_ns;
 }
@@ -167,7 +171,11 @@ nsec_t arrival_clock_time(struct arrival_clock *clock, const struct pose *pose, 
         line_ns = clock->line_ns + (nsec_t)time_since(clock, place_m, velocity_mps, receive_ns);
     else
         *clock = (struct arrival_clock){.known = true, .line_ns = receive_ns, .scale = 1.0};
+    bool laid = clock->clock.known;
+    nsec_t start_ns = clock->clock.start_ns;
     nsec_t time_ns = sample_clock_time(&clock->clock, line_ns, receive_ns);
+    if (laid && clock->moves && clock->clock.start_ns != start_ns)
+        clock->distrusted = true; /* its clock has run away from ours */
     judge_motion(clock);
     if (line_ns >= clock->line_ns) { /* else it came late: the newest stays the newest */
         clock->line_ns = line_ns;

@@ -28,7 +28,8 @@ struct arrival_clock {
     unsigned count, windows;
     double place_m[3], velocity_mps[3]; /* of the newest, ECEF; velocity 0 where it told none */
     nsec_t line_ns, receive_ns;         /* on the made timeline, and on ours */
-    double period_ns, scale;            /* scale: our seconds in one of its motion */
+    nsec_t lag_ns;           /* of the line behind our clock, since its motion last led it */
+    double period_ns, scale; /* scale: our seconds in one of its motion */
 };
 
 struct pose_clock {

@@ -309,6 +309,43 @@ static void latest_is_what_came_last(void)
     CHECK(memcmp(&seen, &pose, sizeof(pose)) == 0);
 }
 
+/* Whatever comes in, in whatever order and at whatever time: what goes out is a place on the Earth.
+ */
+static void nothing_that_comes_in_makes_it_show_nonsense(void)
+{
+    static const double odd[] = {0.0,    -0.0, 1.0,  90.0, -90.0, 180.0,    -180.0,    360.0,
+                                 1e-300, 1e8,  -1e8, 2e4,  NAN,   INFINITY, -INFINITY, 1e300};
+    uint64_t random = 1;
+    struct motion motion;
+    struct motion_params params = {.delay_ns = 40 * MS, .extrapolate_ns = 10 * NSEC_PER_SEC};
+    unsigned shown = 0;
+    motion_init(&motion, &params);
+    for (int i = 0; i < 200000; i++) {
+        double n[16];
+        for (int j = 0; j < 16; j++) {
+            random = random * UINT64_C(6364136223846793005) + UINT64_C(1442695040888963407);
+            n[j] = random >> 62 ? (double)(int64_t)random * 0x1p-57 : odd[random >> 40 & 15];
+        }
+        struct pose seen, pose = {.time_ns = (nsec_t)(random >> 20) % (4 * NSEC_PER_SEC) + i * MS,
+                                  .receive_ns = 1,
+                                  .valid = (uint32_t)(random >> 33 & 15),
+                                  .position = {n[0], n[1], n[2]},
+                                  .attitude = {n[3], n[4], n[5]},
+                                  .velocity_ned_mps = {n[6], n[7], n[8]},
+                                  .rates_body_dps = {n[9], n[10], n[11]}};
+        motion_put(&motion, i / 1000 % 3, &pose);
+        if (i % 100 == 0)
+            motion_set_live(&motion, i % 200 == 0);
+        if (motion_show(&motion, (nsec_t)(random >> 24) % NSEC_PER_SEC + i * MS, &seen)) {
+            shown++;
+            if (!pose_is_sane(&seen))
+                CHECK_FAIL("put %d shows %g %g %g", i, seen.position.lat_deg, seen.position.lon_deg,
+                           seen.position.height_m);
+        }
+    }
+    CHECK(shown > 100000);
+}
+
 /* The goals: 0.3 m at 100 m/s between two poses, and bends at most twice as sharp as the truth's.
  */
 static void check_goals(enum pose_protocol protocol, double rate_hz, double delay_ms, bool between)
@@ -380,6 +417,7 @@ static const struct check_test tests[] = {
     {"a fast sender does not fill it", a_fast_sender_does_not_fill_it},
     {"a pole is a place like any other", a_pole_is_a_place_like_any_other},
     {"latest is what came last", latest_is_what_came_last},
+    {"nothing that comes in makes it show nonsense", nothing_that_comes_in_makes_it_show_nonsense},
     {"a rough network is not seen", a_rough_network_is_not_seen},
     {"a bus with two rates is smooth", a_bus_with_two_rates_is_smooth},
 };

@@ -12,7 +12,8 @@ cmp first.json second.json || fail "the same seed gives other figures"
 grep -q '"protocol": "canaerospace"' first.json || fail "no row of canaerospace"
 grep -q '"frames": 899' first.json || fail "the frames are not those of 15 s"
 
-"$OTWD" bench motion --duration 20 --protocol native --loss 0 --jitter-ms 0 --reorder 0 >table.txt 2>>bench.log ||
+"$OTWD" bench motion --duration 20 --protocol native \
+    --loss 0 --jitter-ms 0 --reorder 0 >table.txt 2>>bench.log ||
     fail "no table"
 grep -q '^| 60 | 40 | 0\.00[0-5] | 0\.0[0-9]*' table.txt || fail "a perfect network: $(cat table.txt)"
 
