@@ -13,33 +13,55 @@
 #include "render/program.h"
 #include "terrain/level_store.h"
 
-/* A draw that emits more evaluation-shader vertices than its 16-bit indices reach (65535) is slow
- * and full of holes in Mesa's software rasterisers (docs/performance.md). Draws of a third of that
- * are handed over one by one: one is rasterised while the next is tessellated. */
-#define SOFTWARE_VERTICES 24576
-#define BLOCKS_LEAST      512  /* of a level, that there is room for */
-#define UPLOAD_GROUP      64   /* texels of a work group of upload.comp, blocks of bounds.comp */
-#define UPLOAD_GROUPS_X   1024 /* work groups side by side */
-#define UPLOAD_RECTS      (3 * LOADER_MAX_STRIPS)
+/* By software draws are small and handed over one by one: one is rasterised while the next one's
+ * vertices are gone through. */
+#define SOFTWARE_BLOCKS 128
+#define BLOCKS_LEAST    512  /* of a level, that there is room for */
+#define UPLOAD_GROUP    64   /* texels of a work group of upload.comp, blocks of bounds.comp */
+#define UPLOAD_GROUPS_X 1024 /* work groups side by side */
+#define UPLOAD_RECTS    (3 * LOADER_MAX_STRIPS)
 
-/* The uniform block is bound by the renderer; these are the storage blocks of reach.comp and
- * select.comp. */
-enum { STORAGE_SPLITS, STORAGE_DRAWS, STORAGE_BLOCKS, STORAGE_REACHES, STORAGES };
-
-/* As select.comp writes them. */
-struct block_vertex {
-    int32_t col, row, level_and_pane, doubled;
-    float reaches[4];
+/* The uniform block is bound by the renderer; these are the storage blocks of reach.comp,
+ * select.comp and mesh.comp. */
+enum {
+    STORAGE_SPLITS,
+    STORAGE_DRAWS,
+    STORAGE_BLOCKS,
+    STORAGE_REACHES,
+    STORAGE_VERTICES,
+    STORAGE_INDICES,
+    STORAGES
 };
 
+#define BLOCK_BYTES  (8 * sizeof(GLint)) /* as select.comp writes one */
+#define VERTEX_BYTES (4 * sizeof(GLfloat))
+
 struct draw_command {
-    GLuint vertices, instances, first, base_instance;
+    GLuint indices, instances, first, base_vertex, base_instance;
 };
 
 struct draw_list {
-    GLuint count, unused[3];
+    GLuint groups[3], unused; /* of mesh.comp */
     struct draw_command draws[];
 };
+
+/* What there is room for of a block's, with all edges doubled: as in mesh.comp. */
+static unsigned block_vertices(const struct clipmap_shape *shape)
+{
+    return (unsigned)((shape->block + 1) * (shape->block + 1) + 4 * shape->block);
+}
+
+/* How many may be listed. */
+static unsigned blocks_most(const struct clipmap_shape *shape)
+{
+    unsigned across = (unsigned)(shape->radius / shape->block), a_level = 2 * across * across;
+    return (a_level > BLOCKS_LEAST ? a_level : BLOCKS_LEAST) * (unsigned)shape->levels;
+}
+
+static unsigned block_indices(const struct clipmap_shape *shape)
+{
+    return (unsigned)(3 * (2 * shape->block * shape->block + 4 * shape->block));
+}
 
 /* As upload.comp has it: one rectangle of one texture. */
 struct upload_rect {
@@ -67,7 +89,8 @@ struct clipmap_pass {
     struct clipmap_shape shape;
     size_t update_bytes;
     bool software;
-    GLuint program, upload_program, bounds_program, reach_program, split_program, list_program;
+    GLuint program, upload_program, bounds_program;
+    GLuint reach_program, split_program, list_program, mesh_program;
     GLuint vertex_array, heights, surfaces, bounds, ground;
     GLuint storages[STORAGES]; /* buffers that the GPU alone uses */
     unsigned draw_count, blocks_a_draw;
@@ -103,18 +126,17 @@ static GLuint create_buffer(size_t bytes, const void *contents)
     return buffer;
 }
 
-/* Every draw takes so many blocks from where the one before ends; their squares of 2 x 2 cells are
- * instances (terrain.vert). */
+/* Every draw takes the triangles of so many blocks from where those of the one before end. */
 static int create_draws(struct clipmap_pass *pass)
 {
     size_t bytes = sizeof(struct draw_list) + pass->draw_count * sizeof(struct draw_command);
     struct draw_list *list = calloc(1, bytes);
     if (!list)
         return -ENOMEM;
-    GLuint squares = (GLuint)(pass->shape.block * pass->shape.block / 4);
+    list->groups[1] = list->groups[2] = 1;
     for (unsigned i = 0; i < pass->draw_count; i++)
-        list->draws[i] =
-            (struct draw_command){.instances = squares, .first = i * pass->blocks_a_draw};
+        list->draws[i] = (struct draw_command){
+            .instances = 1, .first = i * pass->blocks_a_draw * block_indices(&pass->shape)};
     pass->storages[STORAGE_DRAWS] = create_buffer(bytes, list);
     free(list);
     return 0;
@@ -127,8 +149,12 @@ static int create_buffers(struct clipmap_pass *pass, struct diag *diag)
     size_t panes = (size_t)pass->shape.levels * CLIPMAP_PANES;
     pass->storages[STORAGE_SPLITS] = create_buffer(panes * table * table * sizeof(GLuint), NULL);
     pass->storages[STORAGE_REACHES] = create_buffer(panes * table * table * sizeof(GLfloat), NULL);
-    pass->storages[STORAGE_BLOCKS] = create_buffer(
-        (size_t)pass->draw_count * pass->blocks_a_draw * sizeof(struct block_vertex), NULL);
+    size_t blocks = (size_t)pass->draw_count * pass->blocks_a_draw;
+    pass->storages[STORAGE_BLOCKS] = create_buffer(blocks * BLOCK_BYTES, NULL);
+    pass->storages[STORAGE_VERTICES] =
+        create_buffer(blocks * block_vertices(&pass->shape) * VERTEX_BYTES, NULL);
+    pass->storages[STORAGE_INDICES] =
+        create_buffer(blocks * block_indices(&pass->shape) * sizeof(GLuint), NULL);
     int r = create_draws(pass);
     if (r == 0)
         r = mapped_buffer_create(&pass->arenas, arena, LOADER_UPDATES, true);
@@ -143,15 +169,12 @@ static int create_buffers(struct clipmap_pass *pass, struct diag *diag)
 static void create_vertex_array(struct clipmap_pass *pass)
 {
     glCreateVertexArrays(1, &pass->vertex_array);
-    glVertexArrayVertexBuffer(pass->vertex_array, 0, pass->storages[STORAGE_BLOCKS], 0,
-                              sizeof(struct block_vertex));
-    glVertexArrayAttribIFormat(pass->vertex_array, 0, 4, GL_INT, 0);
+    glVertexArrayVertexBuffer(pass->vertex_array, 0, pass->storages[STORAGE_VERTICES], 0,
+                              VERTEX_BYTES);
+    glVertexArrayElementBuffer(pass->vertex_array, pass->storages[STORAGE_INDICES]);
+    glVertexArrayAttribFormat(pass->vertex_array, 0, 4, GL_FLOAT, GL_FALSE, 0);
     glEnableVertexArrayAttrib(pass->vertex_array, 0);
-    glVertexArrayAttribFormat(pass->vertex_array, 1, 4, GL_FLOAT, GL_FALSE,
-                              offsetof(struct block_vertex, reaches));
-    glEnableVertexArrayAttrib(pass->vertex_array, 1);
     glVertexArrayAttribBinding(pass->vertex_array, 0, 0);
-    glVertexArrayAttribBinding(pass->vertex_array, 1, 0);
 }
 
 static int create_programs(struct clipmap_pass *pass, struct diag *diag)
@@ -170,6 +193,7 @@ static int create_programs(struct clipmap_pass *pass, struct diag *diag)
         {"reach", "blocks.glsl", &pass->reach_program, 0},
         {"select", "blocks.glsl", &pass->split_program, 1},
         {"select", "blocks.glsl", &pass->list_program, 0},
+        {"mesh", NULL, &pass->mesh_program, 0},
     };
     int r = 0;
     for (size_t i = 0; i < sizeof(programs) / sizeof(programs[0]) && r == 0; i++) {
@@ -188,7 +212,10 @@ int clipmap_pass_mib(const struct clipmap_shape *shape)
     double texels = side * side * sizeof(struct loader_height) +
                     4.0 * side * side * sizeof(struct loader_surface) +
                     6.0 * table * table * sizeof(float); /* bounds, splits, reaches */
-    return (int)ceil(texels * shape->levels * CLIPMAP_PANES / 1048576.0);
+    double block = (double)(BLOCK_BYTES + block_vertices(shape) * VERTEX_BYTES +
+                            block_indices(shape) * sizeof(GLuint));
+    return (int)ceil((texels * shape->levels * CLIPMAP_PANES + block * blocks_most(shape)) /
+                     1048576.0);
 }
 
 int clipmap_pass_create(const struct clipmap_shape *shape, size_t update_bytes,
@@ -198,13 +225,10 @@ int clipmap_pass_create(const struct clipmap_shape *shape, size_t update_bytes,
     struct clipmap_pass *pass = calloc(1, sizeof(*pass));
     if (!pass)
         return diag_set(diag, -ENOMEM, "no memory for the clipmap");
-    unsigned across = (unsigned)(shape->radius / shape->block), a_level = 2 * across * across;
-    unsigned blocks = (a_level > BLOCKS_LEAST ? a_level : BLOCKS_LEAST) * (unsigned)shape->levels;
-    unsigned squares = (unsigned)(shape->block * shape->block / 4);
-    unsigned vertices = 9 * squares + 4 * (unsigned)shape->block;
+    unsigned blocks = blocks_most(shape);
     *pass = (struct clipmap_pass){
         .shape = *shape, .update_bytes = update_bytes, .software = facts->software};
-    pass->blocks_a_draw = facts->software ? SOFTWARE_VERTICES / vertices : blocks;
+    pass->blocks_a_draw = facts->software ? SOFTWARE_BLOCKS : blocks;
     pass->draw_count = (blocks + pass->blocks_a_draw - 1) / pass->blocks_a_draw;
     int r = create_programs(pass, diag);
     if (r == 0)
@@ -243,6 +267,7 @@ void clipmap_pass_destroy(struct clipmap_pass *pass)
     glDeleteProgram(pass->reach_program);
     glDeleteProgram(pass->split_program);
     glDeleteProgram(pass->list_program);
+    glDeleteProgram(pass->mesh_program);
     free(pass);
 }
 
@@ -368,11 +393,9 @@ uint64_t clipmap_pass_take_uploaded(struct clipmap_pass *pass)
     return uploaded;
 }
 
-void clipmap_pass_select(const struct clipmap_pass *pass, int groups)
+static void choose_blocks(const struct clipmap_pass *pass, int groups)
 {
     GLuint some = groups > 0 ? (GLuint)groups : 1; /* the first empties the list */
-    for (GLuint i = 0; i < STORAGES; i++)
-        glBindBufferBase(GL_SHADER_STORAGE_BUFFER, i, pass->storages[i]);
     glBindTextureUnit(0, pass->bounds);
     glUseProgram(pass->reach_program);
     glDispatchCompute(1, 1, 1);
@@ -382,22 +405,39 @@ void clipmap_pass_select(const struct clipmap_pass *pass, int groups)
     glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT);
     glUseProgram(pass->list_program);
     glDispatchCompute(some, 1, 1);
-    glMemoryBarrier(GL_COMMAND_BARRIER_BIT | GL_VERTEX_ATTRIB_ARRAY_BARRIER_BIT);
+    glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_COMMAND_BARRIER_BIT);
+}
+
+void clipmap_pass_make(const struct clipmap_pass *pass, int groups,
+                       const struct sample_lattice *lattice)
+{
+    for (GLuint i = 0; i < STORAGES; i++)
+        glBindBufferBase(GL_SHADER_STORAGE_BUFFER, i, pass->storages[i]);
+    choose_blocks(pass, groups);
+    glBindTextureUnit(0, pass->heights);
+    glUseProgram(pass->mesh_program);
+    glUniform3f(0, 0.5f * lattice->columns, 0.5f * lattice->rows, lattice->first);
+    glBindBuffer(GL_DISPATCH_INDIRECT_BUFFER, pass->storages[STORAGE_DRAWS]);
+    glDispatchComputeIndirect(offsetof(struct draw_list, groups));
+    glMemoryBarrier(GL_COMMAND_BARRIER_BIT | GL_VERTEX_ATTRIB_ARRAY_BARRIER_BIT |
+                    GL_ELEMENT_ARRAY_BARRIER_BIT);
 }
 
 void clipmap_pass_draw(const struct clipmap_pass *pass)
 {
     glUseProgram(pass->program);
     glBindVertexArray(pass->vertex_array);
-    glBindTextureUnit(0, pass->heights);
-    glBindTextureUnit(1, pass->surfaces);
-    glBindTextureUnit(2, pass->ground);
     glBindBuffer(GL_DRAW_INDIRECT_BUFFER, pass->storages[STORAGE_DRAWS]);
-    glPatchParameteri(GL_PATCH_VERTICES, 1);
     for (unsigned i = 0; i < pass->draw_count; i++) {
         size_t at = sizeof(struct draw_list) + i * sizeof(struct draw_command);
-        glDrawArraysIndirect(GL_PATCHES, (const void *)at);
+        glDrawElementsIndirect(GL_TRIANGLES, GL_UNSIGNED_INT, (const void *)at);
         if (pass->software)
             glFlush();
     }
+}
+
+void clipmap_pass_bind(const struct clipmap_pass *pass)
+{
+    glBindTextureUnit(1, pass->surfaces);
+    glBindTextureUnit(2, pass->ground);
 }

@@ -1,7 +1,8 @@
-/* Draws the terrain as tessellated geometry clipmaps (Song, Yang, Ji 2016) on a cube around WGS84:
- * docs/decisions/0013-cube.md.
+/* Draws the terrain as tessellated geometry clipmaps (after Song, Yang, Ji 2016) on a cube around
+ * WGS84: docs/decisions/0013-cube.md. What tessellates is a compute shader:
+ * 0017-mesh-in-compute.md.
  *
- * Owns the clipmap's textures (a layer a pane) and the list of blocks, which the GPU makes.
+ * Owns the clipmap's textures (a layer a pane) and the mesh, which the GPU makes.
  * Everything here belongs to the thread that holds the GL context. */
 #pragma once
 
@@ -11,7 +12,7 @@
 
 struct clipmap_pass;
 
-/* What its textures take of the GPU's memory, MiB. */
+/* What its textures and its mesh take of the GPU's memory, MiB. */
 int clipmap_pass_mib(const struct clipmap_shape *shape);
 
 /* `update_bytes` as the loader has it. -ENOMEM where the GPU has not that much memory left. */
@@ -41,7 +42,19 @@ uint64_t clipmap_pass_take_uploaded(struct clipmap_pass *pass);
 /* Copies the strips of the updates that were applied. */
 void clipmap_pass_upload(struct clipmap_pass *pass);
 
-/* Chooses the blocks of a frame, and draws them. The scene block is bound and holds these levels;
- * `groups` is what scene_set_levels() returned. */
-void clipmap_pass_select(const struct clipmap_pass *pass, int groups);
+/* Where a picture may have samples: a lattice of columns and rows over all of it, of which the
+ * first column and row lie `first` steps from its corner. */
+struct sample_lattice {
+    float columns, rows, first;
+};
+
+/* Chooses the blocks of a frame and makes their triangles, those that have a sample of the picture
+ * (without columns: all). The scene block is bound and holds these levels; `groups` is what
+ * scene_set_levels() returned. */
+void clipmap_pass_make(const struct clipmap_pass *pass, int groups,
+                       const struct sample_lattice *lattice);
+/* Draws them into what is bound. */
 void clipmap_pass_draw(const struct clipmap_pass *pass);
+
+/* Binds what the shading pass takes from it: units 1 and 2. */
+void clipmap_pass_bind(const struct clipmap_pass *pass);

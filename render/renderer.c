@@ -456,6 +456,17 @@ static void shade(struct renderer *renderer)
     }
 }
 
+/* Several samples of a pixel lie at some of its sixteenths. */
+static void make_mesh(const struct renderer *renderer)
+{
+    bool several = renderer->samples > 1;
+    float a_pixel = several ? 16.0f : 1.0f;
+    const struct sample_lattice lattice = {.columns = a_pixel * (float)renderer->width,
+                                           .rows = a_pixel * (float)renderer->height,
+                                           .first = several ? 0.0f : 0.5f};
+    clipmap_pass_make(renderer->clipmap, renderer->select_groups, &lattice);
+}
+
 void renderer_draw(struct renderer *renderer, struct view *view)
 {
     renderer->frame = (struct renderer_frame){0};
@@ -466,7 +477,7 @@ void renderer_draw(struct renderer *renderer, struct view *view)
     image_pass_upload(renderer->images);
     bind_scene(renderer);
     if (terrain)
-        clipmap_pass_select(renderer->clipmap, renderer->select_groups);
+        make_mesh(renderer);
     begin_pass(renderer, PASS_TERRAIN, "terrain");
     glBeginQuery(GL_PRIMITIVES_GENERATED, renderer->triangle_query);
     glBindFramebuffer(GL_FRAMEBUFFER, renderer->geometry_framebuffer);
@@ -474,6 +485,7 @@ void renderer_draw(struct renderer *renderer, struct view *view)
     glClear(GL_DEPTH_BUFFER_BIT);
     if (terrain) {
         clipmap_pass_draw(renderer->clipmap);
+        clipmap_pass_bind(renderer->clipmap);
         image_pass_bind(renderer->images);
     }
     glEndQuery(GL_PRIMITIVES_GENERATED);
@@ -521,8 +533,10 @@ void renderer_redraw(struct renderer *renderer, const struct view *view,
     glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
     glViewport(0, 0, width, height);
     glClear(GL_DEPTH_BUFFER_BIT);
-    if (terrain)
+    if (terrain) {
+        clipmap_pass_make(renderer->clipmap, renderer->select_groups, &(struct sample_lattice){0});
         clipmap_pass_draw(renderer->clipmap);
+    }
 }
 
 void renderer_redraw_with(struct renderer *renderer, void (*draw)(void *user), void *user)

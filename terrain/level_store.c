@@ -164,14 +164,14 @@ void level_store_export_surfaces(const struct level_store *store, struct clipmap
 }
 
 /* Whether a cell is cut from its north-west to its south-east corner: each towards the middle of
- * its square of 2 x 2 cells (terrain.vert). */
+ * its square of 2 x 2 cells (mesh.comp). */
 static bool is_falling(int32_t row, int32_t col)
 {
     return ((row ^ col) & 1) != 0;
 }
 
 /* A post's own height and the coarser level's there: linear between the coarser posts, with the
- * very operations that the evaluation shader uses where a coarser edge has the finer level's
+ * very operations that mesh.comp uses where a coarser edge has the finer level's
  * vertices, so that both sides get the same bits. In the middle of a coarser cell it is on the
  * diagonal along which it is cut. */
 static struct loader_height heights_of_post(const struct level_store *store,

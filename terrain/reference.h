@@ -1,5 +1,5 @@
 /* The ground without level of detail: the posts of one clipmap level, everywhere, and between them
- * the mesh's own triangles (squares of 2 x 2 cells cut towards their middle, terrain.vert). What
+ * the mesh's own triangles (squares of 2 x 2 cells cut towards their middle, mesh.comp). What
  * the picture is measured against.
  *
  * Heights are metres above the ellipsoid, those that the loader gives the renderer for the same

@@ -62,7 +62,7 @@ static void axes_are_right_handed(void)
     }
 }
 
-/* The formula that the evaluation shader takes apart, against GeographicLib. */
+/* The formula that the shaders take apart, against GeographicLib. */
 static void a_normal_and_a_height_are_a_place(void)
 {
     const double e2 = 6.69437999014131699614e-3;

@@ -54,26 +54,16 @@ static const char *text_of(const char *name)
     return file->text;
 }
 
-static GLuint capturing_program(const struct clipmap_shape *shape)
+static GLuint capturing_program(void)
 {
-    static const struct {
-        GLenum type;
-        const char *name;
-    } stages[] = {{GL_VERTEX_SHADER, "terrain.vert"},
-                  {GL_TESS_CONTROL_SHADER, "terrain.tesc"},
-                  {GL_TESS_EVALUATION_SHADER, "terrain.tese"}};
     const char *varyings[] = {"gl_Position"};
-    char head[64];
-    snprintf(head, sizeof(head), "#version 450 core\n#define BLOCK %d\n", shape->block);
-    GLuint program = glCreateProgram();
-    for (int i = 0; i < 3; i++) {
-        const char *sources[] = {head, text_of("common.glsl"), text_of(stages[i].name)};
-        GLuint shader = glCreateShader(stages[i].type);
-        glShaderSource(shader, 3, sources, NULL);
-        glCompileShader(shader);
-        glAttachShader(program, shader);
-        glDeleteShader(shader);
-    }
+    const char *sources[] = {"#version 450 core\n", text_of("common.glsl"),
+                             text_of("terrain.vert")};
+    GLuint program = glCreateProgram(), shader = glCreateShader(GL_VERTEX_SHADER);
+    glShaderSource(shader, 3, sources, NULL);
+    glCompileShader(shader);
+    glAttachShader(program, shader);
+    glDeleteShader(shader);
     glTransformFeedbackVaryings(program, 1, varyings, GL_INTERLEAVED_ATTRIBS);
     glLinkProgram(program);
     GLint ok = 0;
@@ -99,7 +89,7 @@ static bool open_mesh(int radius, struct mesh *ret)
         CHECK_FAIL("%s", diag.text);
         return false;
     }
-    ret->program = capturing_program(&ret->shape);
+    ret->program = capturing_program();
     glCreateBuffers(1, &ret->scene);
     glNamedBufferStorage(ret->scene, sizeof(struct scene_block), NULL, GL_DYNAMIC_STORAGE_BIT);
     glCreateBuffers(1, &ret->captured);
@@ -156,15 +146,15 @@ static void capture(struct mesh *mesh, const struct view *view, double above_m,
     glBindBufferBase(GL_UNIFORM_BUFFER, 0, mesh->scene);
     glBindFramebuffer(GL_FRAMEBUFFER, mesh->framebuffer);
     glEnable(GL_RASTERIZER_DISCARD);
-    clipmap_pass_select(mesh->pass, groups);
+    clipmap_pass_make(mesh->pass, groups, &(struct sample_lattice){0});
     clipmap_pass_draw(mesh->pass);
     glGetBufferParameteriv(GL_DRAW_INDIRECT_BUFFER, GL_BUFFER_SIZE, &bytes);
     glUseProgram(mesh->program);
     glBindBufferBase(GL_TRANSFORM_FEEDBACK_BUFFER, 0, mesh->captured);
     glBeginQuery(GL_TRANSFORM_FEEDBACK_PRIMITIVES_WRITTEN, mesh->query);
     glBeginTransformFeedback(GL_TRIANGLES);
-    for (GLint at = 16; at < bytes; at += 16)
-        glDrawArraysIndirect(GL_PATCHES, (const char *)NULL + at);
+    for (GLint at = 16; at < bytes; at += 20)
+        glDrawElementsIndirect(GL_TRIANGLES, GL_UNSIGNED_INT, (const char *)NULL + at);
     glEndTransformFeedback();
     glEndQuery(GL_TRANSFORM_FEEDBACK_PRIMITIVES_WRITTEN);
     glDisable(GL_RASTERIZER_DISCARD);

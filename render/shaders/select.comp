@@ -4,16 +4,16 @@
 layout(local_size_x = 64) in;
 
 struct Draw {
-    uint vertices, instances, first, base_instance;
+    uint indices, instances, first, base_vertex, base_instance;
 };
 
 layout(std430, binding = 0) buffer Splits { uint splits[]; };
 layout(std430, binding = 1) buffer Draws {
-    uint count;
+    uint count; // work groups of mesh.comp
     uint unused[3];
     Draw draws[];
 };
-struct Block { // as terrain.vert reads it
+struct Block { // as mesh.comp has it
     ivec4 place;
     vec4 reaches;
 };
@@ -131,7 +131,6 @@ void choose(ivec2 block, int level, int pane)
     uint index = atomicAdd(count, 1u);
     if (index >= uint(DRAWS * BLOCKS_A_DRAW))
         return;
-    atomicAdd(draws[index / uint(BLOCKS_A_DRAW)].vertices, 1u);
     vec4 reaches = level < scene.sizes.w ? corner_reaches_of(block >> 1, level + 1, pane)
                                          : vec4(EVERYWHERE);
     blocks[index] = Block(ivec4(block * BLOCK, level + 32 * pane, doubled), reaches);
@@ -144,7 +143,7 @@ void main()
 #if SPLIT
     if (gl_WorkGroupID.x == 0u) {
         for (uint i = gl_LocalInvocationIndex; i < uint(DRAWS); i += 64u)
-            draws[i].vertices = 0u;
+            draws[i].indices = 0u;
         count = 0u;
     }
 #endif

@@ -1,0 +1,235 @@
+// Makes the triangles of a block that select.comp lists, a work group each: post -> blended height ->
+// position relative to the eye, once for every vertex, and the triangles that may be seen.
+//
+// Vertices are addressed in half cells, so that the extra vertices of a doubled edge have integer
+// addresses too. A vertex on an edge of the cube goes by the name that the lowest face has for it.
+// So everything that two neighbours share is computed from the same integers by the same operations:
+// shared edges meet to the bit.
+layout(local_size_x = 64) in;
+
+const int POSTS = (BLOCK + 1) * (BLOCK + 1);
+const int VERTICES = POSTS + 4 * BLOCK;    // a block's: its posts, then the middles of the cells on its
+                                           // west, east, south and north edge
+const int FANS = BLOCK * BLOCK * 2;        // triangles, before edges are doubled
+const int INDICES = 3 * (FANS + 4 * BLOCK);
+
+struct Draw {
+    uint indices, instances, first, base_vertex, base_instance;
+};
+struct Block {
+    ivec4 place; // first post (column, row); level + 32 * pane; doubled edges (bits: west, east, south,
+                 // north)
+    vec4 reaches; // how far the level reaches at the corners of the block's parent: south-west,
+                  // south-east, north-west, north-east
+};
+
+layout(std430, binding = 1) buffer Draws {
+    uvec4 groups; // blocks listed, 1, 1
+    Draw draws[];
+};
+layout(std430, binding = 2) readonly buffer Blocks { Block blocks[]; };
+layout(std430, binding = 4) writeonly buffer Vertices { vec4 vertices[]; }; // enu
+layout(std430, binding = 5) writeonly buffer Indices { uint indices[]; };
+
+layout(binding = 0) uniform sampler2DArray heights; // own and coarser, m above the ellipsoid
+
+// The lattice in which samples of the picture lie: half of its columns and rows, and where the first of
+// each is. No columns: all triangles are kept.
+layout(location = 0) uniform vec3 lattice;
+
+shared vec4 corners[VERTICES]; // clip coordinates
+shared uint kept, base;
+
+struct Name {
+    int pane;
+    ivec2 halves;
+};
+
+// `end`: half-posts along a face.
+Name lowest_name(Name own, int end)
+{
+    Name lowest = own;
+    int face = scene.panes[own.pane].origin.z;
+    for (int side = 0; side < 4; side++) {
+        ivec4 edge = scene.edges[4 * own.pane + side];
+        ivec2 at = side < 2 ? own.halves : own.halves.yx; // across, along
+        if (at.x != (side & 1) * end || edge.x < 0 || edge.w >= face)
+            continue;
+        ivec2 there = ivec2((edge.y & 1) * end, edge.z == 1 ? end - at.y : at.y);
+        face = edge.w;
+        lowest = Name(edge.x, edge.y < 2 ? there : there.yx);
+    }
+    return lowest;
+}
+
+float between(float a, float b, float t) // exactly a or b at the ends
+{
+    return a * (1.0 - t) + b * t;
+}
+
+// How far the level reaches here. On an edge it follows from its two ends alone.
+float reach_at(Block block, ivec2 halves, int level)
+{
+    const int side = 4 * BLOCK; // half-posts of the parent
+    vec2 at = vec2(halves - (2 * block.place.xy & ~(side - 1))) / float(side);
+    float reach = between(between(block.reaches.x, block.reaches.y, at.x),
+                          between(block.reaches.z, block.reaches.w, at.x), at.y);
+    return min(reach, scene.levels[level].y);
+}
+
+vec2 heights_at(int layer, ivec2 post)
+{
+    return texelFetch(heights, ivec3(post & (scene.sizes.x - 1), layer), 0).rg;
+}
+
+vec3 vertex_at(Block block, ivec2 halves)
+{
+    int level = block.place.z & 31;
+    Name name = Name(block.place.z >> 5, halves);
+    int end = scene.sizes.y >> level;
+    if (any(lessThanEqual(name.halves, ivec2(0))) || any(greaterThanEqual(name.halves, ivec2(end))))
+        name = lowest_name(name, end);
+    int layer = PANES * level + name.pane;
+    vec3 dn = normal_difference(name.pane, name.halves, level);
+    vec2 pair = heights_at(layer, name.halves >> 1);
+    float blend = blend_at(dn, reach_at(block, halves, level));
+    if (((name.halves.x | name.halves.y) & 1) != 0) {
+        // On an edge towards the finer level, whose vertices show this level's heights there.
+        pair.x = 0.5 * (pair.x + heights_at(layer, (name.halves + 1) >> 1).x);
+        blend = 0.0;
+    }
+    float height = pair.x * (1.0 - blend) + pair.y * blend;
+    pair -= scene.eye_trig.w;
+    float rise = pair.x * (1.0 - blend) + pair.y * blend - scene.eye_rest.x;
+    return enu_from_difference(dn, height, rise);
+}
+
+// Where a vertex lies in its block, in half cells.
+ivec2 halves_of(int vertex)
+{
+    if (vertex < POSTS)
+        return 2 * ivec2(vertex % (BLOCK + 1), vertex / (BLOCK + 1));
+    int side = (vertex - POSTS) / BLOCK, along = 2 * ((vertex - POSTS) % BLOCK) + 1;
+    int across = 2 * BLOCK * (side & 1);
+    return side < 2 ? ivec2(across, along) : ivec2(along, across);
+}
+
+int vertex_of(ivec2 halves)
+{
+    if (((halves.x | halves.y) & 1) == 0)
+        return (halves.y >> 1) * (BLOCK + 1) + (halves.x >> 1);
+    return (halves.y & 1) == 1 ? POSTS + BLOCK * int(halves.x > 0) + (halves.y >> 1)
+                               : POSTS + BLOCK * (2 + int(halves.y > 0)) + (halves.x >> 1);
+}
+
+// Whether no sample can be of a triangle: it is behind, beside, turned away, or lies between samples.
+bool is_unseen(vec4 a, vec4 b, vec4 c)
+{
+    const float MARGIN = 1.0 / 64.0; // of a pixel; a rasteriser moves vertices by less
+    float near_m = scene.grid.w;
+    if (lattice.x == 0.0)
+        return false;
+    if (min(a.w, min(b.w, c.w)) < near_m)
+        return max(a.w, max(b.w, c.w)) < near_m;
+    vec2 p = a.xy / a.w, q = b.xy / b.w, r = c.xy / c.w;
+    vec2 least = max(min(p, min(q, r)), vec2(-1.0)), most = min(max(p, max(q, r)), vec2(1.0));
+    vec2 first = ceil((least + 1.0) * lattice.xy - (lattice.z + MARGIN));
+    vec2 last = floor((most + 1.0) * lattice.xy - (lattice.z - MARGIN));
+    if (any(greaterThan(first, last)))
+        return true;
+    vec2 u = (q - p) * lattice.xy, v = (r - p) * lattice.xy;
+    return u.x * v.y - u.y * v.x < -MARGIN * (abs(u.x) + abs(u.y) + abs(v.x) + abs(v.y) + MARGIN);
+}
+
+const ivec2 ring[8] = ivec2[](ivec2(0, 0), ivec2(1, 0), ivec2(2, 0), ivec2(2, 1), ivec2(2, 2),
+                              ivec2(1, 2), ivec2(0, 2), ivec2(0, 1));
+
+// A side of a cell, seen from the middle of its square of 2 x 2 cells: one triangle or two. There is
+// one way to cut such a square only, and it makes the triangles of every level lie within those of
+// the next.
+struct Fan {
+    int middle, from, between, to; // vertices
+    bool two;
+};
+
+Fan fan_at(int index, int doubled)
+{
+    int square = index >> 3, part = index & 7, squares = BLOCK / 2;
+    ivec2 at = ivec2(square % squares, square / squares);
+    ivec2 from = 4 * at + 2 * ring[part], to = 4 * at + 2 * ring[(part + 1) & 7];
+    int outer = part < 2 ? (at.y == 0 ? 4 : 0) : part < 4 ? (at.x == squares - 1 ? 2 : 0)
+              : part < 6 ? (at.y == squares - 1 ? 8 : 0) : (at.x == 0 ? 1 : 0);
+    Fan fan;
+    fan.middle = vertex_of(4 * at + 2);
+    fan.from = vertex_of(from);
+    fan.to = vertex_of(to);
+    fan.two = (doubled & outer) != 0;
+    fan.between = fan.two ? vertex_of((from + to) / 2) : fan.to;
+    return fan;
+}
+
+// Bits: which of the two triangles to keep.
+int kept_of(Fan fan)
+{
+    vec4 middle = corners[fan.middle], between = corners[fan.between];
+    int first = is_unseen(middle, corners[fan.from], between) ? 0 : 1;
+    if (!fan.two)
+        return first;
+    return first | (is_unseen(middle, between, corners[fan.to]) ? 0 : 2);
+}
+
+void put(uint at, uint first, int a, int b, int c)
+{
+    indices[at] = first + uint(a);
+    indices[at + 1u] = first + uint(b);
+    indices[at + 2u] = first + uint(c);
+}
+
+void main()
+{
+    const int ROUNDS = (FANS + 63) / 64;
+    uint index = gl_WorkGroupID.x;
+    int lane = int(gl_LocalInvocationIndex);
+    if (index >= uint(DRAWS * BLOCKS_A_DRAW))
+        return;
+    Block block = blocks[index];
+    uint first = index * uint(VERTICES);
+    for (int i = lane; i < VERTICES; i += 64) {
+        if (i >= POSTS && (block.place.w >> ((i - POSTS) / BLOCK) & 1) == 0)
+            continue;
+        vec3 enu = vertex_at(block, 2 * block.place.xy + halves_of(i));
+        corners[i] = scene.clip_from_enu * vec4(enu, 1.0);
+        vertices[first + uint(i)] = vec4(enu, 1.0);
+    }
+    if (lane == 0)
+        kept = 0u;
+    barrier();
+    int keep[ROUNDS];
+    uint count = 0u;
+    for (int i = 0; i < ROUNDS; i++) {
+        int at = 64 * i + lane;
+        keep[i] = at < FANS ? kept_of(fan_at(at, block.place.w)) : 0;
+        count += uint((keep[i] & 1) + (keep[i] >> 1));
+    }
+    uint place = count > 0u ? atomicAdd(kept, count) : 0u;
+    barrier();
+    if (lane == 0 && kept > 0u) {
+        uint draw = index / uint(BLOCKS_A_DRAW);
+        base = draw * uint(BLOCKS_A_DRAW * INDICES) + atomicAdd(draws[draw].indices, 3u * kept);
+    }
+    barrier();
+    uint at = base + 3u * place;
+    for (int i = 0; i < ROUNDS; i++) {
+        if (keep[i] == 0)
+            continue;
+        Fan fan = fan_at(64 * i + lane, block.place.w);
+        if ((keep[i] & 1) != 0) {
+            put(at, first, fan.middle, fan.from, fan.between);
+            at += 3u;
+        }
+        if ((keep[i] & 2) != 0) {
+            put(at, first, fan.middle, fan.between, fan.to);
+            at += 3u;
+        }
+    }
+}
