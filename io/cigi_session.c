@@ -311,14 +311,20 @@ int cigi_session_receive(struct cigi_session *session, const void *data, size_t 
     return result ? result : rest;
 }
 
+void cigi_session_place(struct cigi_session *session, const struct cigi_ground *ground)
+{
+    struct cigi_link *link = &session->link;
+    cigi_requests_place(&session->requests, &session->scene, ground,
+                        has_host_frames(&link->format) ? link->host_frame : 0,
+                        link->counters.rejected);
+}
+
 void cigi_session_begin(struct cigi_session *session, nsec_t now_ns,
                         const struct cigi_ground *ground)
 {
-    struct cigi_link *link = &session->link;
     cigi_scene_advance(&session->scene, now_ns);
-    cigi_requests_begin(&session->requests, &session->scene, ground,
-                        has_host_frames(&link->format) ? link->host_frame : 0,
-                        link->counters.rejected);
+    cigi_requests_begin(&session->requests, &session->scene, session->link.counters.rejected);
+    cigi_session_place(session, ground);
 }
 
 size_t cigi_session_questions(struct cigi_session *session, struct cigi_question *ret_questions,
