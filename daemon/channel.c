@@ -174,6 +174,11 @@ void channel_draw(struct channel *channel, const struct pose *pose, const struct
         expect(channel, next, complete);
 }
 
+void channel_set_geometry(struct channel *channel, const struct channel_geometry *geometry)
+{
+    channel->geometry = *geometry;
+}
+
 void channel_set_visibility(struct channel *channel, double visibility_m)
 {
     channel->visibility_m = visibility_m;

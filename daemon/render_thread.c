@@ -2,10 +2,12 @@
 
 #include <errno.h>
 #include <pthread.h>
+#include <semaphore.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/eventfd.h>
+#include <time.h>
 #include <unistd.h>
 
 #include "base/latest.h"
@@ -21,6 +23,9 @@ struct render_thread {
     struct latest input; /* struct render_input, written by the event loop */
     struct ring samples; /* struct frame_sample, read by the event loop */
     int event_fd;
+    int begin_fd;
+    _Atomic nsec_t begun_ns; /* when the frame that was told last will be seen */
+    sem_t go;
     _Atomic int
         state; /* enum render_state; the release that makes `gl`, `note` and `diag` visible */
     atomic_bool stopping;
@@ -61,8 +66,32 @@ static void take_input(struct frame_loop *loop)
 {
     nsec_t before_ns = loop->input.pose.receive_ns;
     if (latest_take(&loop->thread->input, &loop->input))
-        loop->fresh = loop->input.pose.receive_ns != before_ns;
+        loop->fresh |= loop->input.pose.receive_ns != before_ns;
     channel_set_visibility(loop->channel, loop->input.visibility_m);
+    channel_set_geometry(loop->channel, &loop->input.geometry);
+}
+
+static void wait_for_host(struct render_thread *thread, nsec_t until_ns)
+{
+    const struct timespec until = {.tv_sec = until_ns / NSEC_PER_SEC,
+                                   .tv_nsec = until_ns % NSEC_PER_SEC};
+    while (sem_clockwait(&thread->go, CLOCK_MONOTONIC, &until) < 0 && errno == EINTR)
+        ;
+}
+
+/* Tells the event loop that a frame begins, and waits for the host that leads, if one does. */
+static void begin_frame(struct frame_loop *loop, nsec_t frame_ns)
+{
+    struct render_thread *thread = loop->thread;
+    if (!loop->input.tells_begin)
+        return;
+    while (sem_trywait(&thread->go) == 0)
+        ; /* an answer that came after its time */
+    atomic_store(&thread->begun_ns, frame_ns);
+    if (eventfd_write(thread->begin_fd, 1) < 0 || loop->input.wait_ns == 0)
+        return;
+    wait_for_host(thread, clock_monotonic_ns() + loop->input.wait_ns);
+    take_input(loop);
 }
 
 static void choose_pose(struct frame_loop *loop, nsec_t frame_ns)
@@ -124,6 +153,7 @@ static nsec_t draw_frame(struct frame_loop *loop, nsec_t tick_ns, bool *ret_fail
     nsec_t frame_ns = tick_ns + loop->period_ns;
     uint64_t missed_before = loop->sample.missed;
     take_input(loop);
+    begin_frame(loop, frame_ns);
     choose_pose(loop, frame_ns);
     struct pose next = loop->shown;
     if (!loop->input.frozen)
@@ -208,8 +238,10 @@ static void *render_main(void *data)
 
 static int start(struct render_thread *thread)
 {
+    sem_init(&thread->go, 0, 0);
     thread->event_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
-    if (thread->event_fd < 0)
+    thread->begin_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    if (thread->event_fd < 0 || thread->begin_fd < 0)
         return -errno;
     int r = latest_init(&thread->input, sizeof(struct render_input));
     if (r == 0)
@@ -229,7 +261,7 @@ int render_thread_start(const struct render_params *params, struct render_thread
     if (!thread)
         return diag_set(diag, -ENOMEM, "no memory for the render thread");
     thread->params = *params;
-    thread->event_fd = -1;
+    thread->event_fd = thread->begin_fd = -1;
     int r = start(thread);
     if (r < 0) {
         diag_set(diag, r, "cannot start the render thread: %s", strerror(-r));
@@ -245,6 +277,7 @@ int render_thread_stop(struct render_thread *thread, struct diag *diag)
     if (!thread)
         return 0;
     atomic_store(&thread->stopping, true);
+    sem_post(&thread->go);
     if (thread->has_thread)
         pthread_join(thread->thread, NULL);
     int r = thread->output_error;
@@ -254,6 +287,9 @@ int render_thread_stop(struct render_thread *thread, struct diag *diag)
     ring_finish(&thread->samples);
     if (thread->event_fd >= 0)
         close(thread->event_fd);
+    if (thread->begin_fd >= 0)
+        close(thread->begin_fd);
+    sem_destroy(&thread->go);
     free(thread);
     return r;
 }
@@ -272,6 +308,23 @@ enum render_state render_thread_state(struct render_thread *thread, struct diag 
     if (state == RENDER_FAILED || state == RENDER_LOST)
         *ret_diag = thread->diag;
     return state;
+}
+
+int render_thread_begin_fd(const struct render_thread *thread)
+{
+    return thread->begin_fd;
+}
+
+nsec_t render_thread_begun(struct render_thread *thread)
+{
+    eventfd_t count;
+    eventfd_read(thread->begin_fd, &count);
+    return atomic_load(&thread->begun_ns);
+}
+
+void render_thread_go(struct render_thread *thread)
+{
+    sem_post(&thread->go);
 }
 
 const struct gl_facts *render_thread_gl(const struct render_thread *thread)

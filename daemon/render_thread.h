@@ -3,7 +3,8 @@
  *
  * What it needs comes through a latest-value cell (struct render_input), what it did goes out
  * through a ring (struct frame_sample). Between two frames it does nothing but sleep: its loop
- * allocates nothing, takes no lock, does not log. docs/threads.md draws it. */
+ * allocates nothing, takes no lock, does not log. Where a host leads (synchronous CIGI) a frame
+ * begins with a wait for it, which is bounded. docs/threads.md draws it. */
 #pragma once
 
 #include "base/diag.h"
@@ -20,6 +21,9 @@ struct render_input {
     double visibility_m;
     nsec_t utc_offset_ns; /* UTC since 1970 minus monotonic time */
     uint64_t snapshot;    /* where it has changed: write this frame as frame-SNAPSHOT.png */
+    struct channel_geometry geometry;
+    bool tells_begin; /* render_thread_begin_fd() is wanted */
+    nsec_t wait_ns;   /* for render_thread_go(), once that was told; 0 = not at all */
 };
 
 /* One finished frame. */
@@ -72,6 +76,14 @@ enum render_state {
 
 /* Clears the descriptor. Where the thread has ended `ret_diag` says why. */
 enum render_state render_thread_state(struct render_thread *thread, struct diag *ret_diag);
+
+/* Readable when a frame begins, where the input wants it. render_thread_begun() clears it and says
+ * when the newest one will be seen. Event loop. */
+int render_thread_begin_fd(const struct render_thread *thread);
+nsec_t render_thread_begun(struct render_thread *thread);
+
+/* What the frame that begins waits for has been published. Event loop. */
+void render_thread_go(struct render_thread *thread);
 
 /* Once it runs; does not change. */
 const struct gl_facts *render_thread_gl(const struct render_thread *thread);

@@ -15,7 +15,7 @@ enum { USE_ROLL = 1 << 3, USE_PITCH = 1 << 4, USE_YAW = 1 << 5 };
 enum { USE_NEAR = 1, USE_FAR = 2, USE_LEFT = 4, USE_RIGHT = 8, USE_TOP = 16, USE_BOTTOM = 32 };
 
 int cigi_scene_init(struct cigi_scene *scene, const struct cigi_scene_limits *limits,
-                    const struct cigi_view_definition *own_view)
+                    const struct cigi_view *own_view)
 {
     *scene = (struct cigi_scene){.own_view = *own_view};
     int r = cigi_table_init(&scene->entities, sizeof(struct cigi_entity), limits->entities);
@@ -61,8 +61,8 @@ void cigi_scene_reset(struct cigi_scene *scene)
     fresh.entities.count = fresh.parts.count = fresh.views.count = 0;
     fresh.components.count = fresh.regions.count = 0;
     *scene = fresh;
-    struct cigi_view *view = cigi_table_put(&scene->views, scene->own_view.view);
-    view->definition = scene->own_view;
+    struct cigi_view *view = cigi_table_put(&scene->views, scene->own_view.id);
+    *view = scene->own_view;
 }
 
 const struct cigi_entity *cigi_scene_entity(const struct cigi_scene *scene, uint16_t entity)
@@ -442,7 +442,8 @@ static int take_view_definition(struct cigi_scene *scene, const struct cigi_view
                                 struct rejection *ret_rejection)
 {
     const struct cigi_view *was = cigi_scene_view(scene, given->view);
-    const struct cigi_view_definition *before = was ? &was->definition : &scene->own_view;
+    const struct cigi_view_definition *before =
+        was ? &was->definition : &scene->own_view.definition;
     struct cigi_view_definition next = *given;
     next.near_m = given->use & USE_NEAR ? given->near_m : before->near_m;
     next.far_m = given->use & USE_FAR ? given->far_m : before->far_m;

@@ -53,7 +53,7 @@ struct cigi_region_state {
 
 struct cigi_scene {
     struct cigi_table entities, parts, views, components, regions;
-    struct cigi_view_definition own_view; /* of the channel: it is there from the beginning */
+    struct cigi_view own_view; /* of the channel: it is there from the beginning */
     struct cigi_celestial celestial;
     struct cigi_atmosphere atmosphere;
     bool extrapolate; /* IG Control allows it */
@@ -98,7 +98,7 @@ void cigi_pose_attached(const struct pose *base, const double offset_m[3],
 
 /* `own_view` is the channel's. Returns 0 or -ENOMEM. */
 int cigi_scene_init(struct cigi_scene *scene, const struct cigi_scene_limits *limits,
-                    const struct cigi_view_definition *own_view);
+                    const struct cigi_view *own_view);
 void cigi_scene_finish(struct cigi_scene *scene);
 
 /* As it was after init. */

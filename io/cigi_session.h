@@ -26,6 +26,9 @@ struct cigi_session_params {
     bool one_database;    /* there is but one: the number is always 0 and nothing is loaded */
     /* The channel's own view, until the host defines it. Half-angles of 0: 30 by 20 degrees. */
     struct cigi_view_definition view;
+    double eye_m[3]; /* likewise, in the axes of own-ship, and in which direction it looks */
+    struct attitude direction;
+    bool synchronous; /* a place holds for the frame that its message starts, whatever its rates */
     /* Limits; 0 = 1024 entities, parts and components, 256 views and regions, 1000 requests. */
     struct cigi_scene_limits limits;
     size_t requests;
@@ -74,6 +77,10 @@ int cigi_session_receive(struct cigi_session *session, const void *data, size_t 
 /* What has been asked since gets its place in the scene, so that questions come up before the next
  * frame begins. `ground` is asked for clamped entities, within the call; it may be NULL. */
 void cigi_session_place(struct cigi_session *session, const struct cigi_ground *ground);
+
+/* What the scene has is shown as of `now_ns`: entities with rates are moved. A part of
+ * cigi_session_begin(); in synchronous operation also of a message that starts a frame. */
+void cigi_session_advance(struct cigi_session *session, nsec_t now_ns);
 
 /* A frame begins, to be shown as of `now_ns`: entities with rates are moved, periodic requests fall
  * due, and all get their places, as above. */

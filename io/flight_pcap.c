@@ -238,7 +238,8 @@ static int read_records(struct capture *c, const struct flight_params *params,
 static int pcap_read(const struct flight_input *input, const struct flight_params *params,
                      struct flight *flight, struct diag *diag)
 {
-    if (params->force_protocol && params->protocol == POSE_PROTOCOL_CANAEROSPACE)
+    if (params->force_protocol &&
+        (params->protocol == POSE_PROTOCOL_CANAEROSPACE || params->protocol == POSE_PROTOCOL_CIGI))
         return diag_set(diag, -EBADMSG, "%s: a pcap carries UDP, not CANaerospace", input->name);
     struct capture c = {.input = input};
     int r = read_header(&c, diag);

@@ -21,6 +21,7 @@ static const char *const protocol_names[POSE_PROTOCOLS] = {
     [POSE_PROTOCOL_NATIVE] = "native",
     [POSE_PROTOCOL_FLIGHTGEAR] = "flightgear",
     [POSE_PROTOCOL_CANAEROSPACE] = "canaerospace",
+    [POSE_PROTOCOL_CIGI] = "cigi",
 };
 
 const char *pose_protocol_name(enum pose_protocol protocol)
@@ -92,9 +93,7 @@ static int check_sequence(struct intake *intake, const struct pose_sample *sampl
                   intake->sequence);
 }
 
-/* When the sample was valid, on our clock: no later than it arrived, free of the network's jitter
- * where the sender says when it sent. */
-static nsec_t sample_time(struct sender_clock *clock, int64_t sender_ns, nsec_t receive_ns)
+nsec_t sender_clock_map(struct sender_clock *clock, int64_t sender_ns, nsec_t receive_ns)
 {
     /* Neither sum nor difference may overflow on what a peer sends. */
     if (sender_ns <= 0 || sender_ns > INT64_MAX / 2)
@@ -131,7 +130,7 @@ static int accept(struct intake *intake, struct pose_sample *sample, nsec_t rece
     sample_to_ellipsoid(sample, &intake->params.geoid);
     sample->pose.receive_ns = receive_ns;
     if (!sample->pose.time_ns)
-        sample->pose.time_ns = sample_time(&intake->clock, sample->sender_ns, receive_ns);
+        sample->pose.time_ns = sender_clock_map(&intake->clock, sample->sender_ns, receive_ns);
     if (!pose_is_sane(&sample->pose))
         return reject(ret_rejection, REJECT_RANGE, 0, "its height has no sense on the ellipsoid");
     intake->counters.accepted++;

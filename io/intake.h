@@ -9,10 +9,11 @@ enum pose_protocol {
     POSE_PROTOCOL_NATIVE,
     POSE_PROTOCOL_FLIGHTGEAR,
     POSE_PROTOCOL_CANAEROSPACE,
+    POSE_PROTOCOL_CIGI, /* a session, not single packets: io/cigi_session.h */
     POSE_PROTOCOLS
 };
 
-/* "native", "flightgear", "canaerospace". */
+/* "native", "flightgear", "canaerospace", "cigi". */
 const char *pose_protocol_name(enum pose_protocol protocol);
 /* Returns 0, or -EINVAL for another name. */
 int pose_protocol_from_name(const char *name, enum pose_protocol *ret_protocol);
@@ -59,6 +60,10 @@ struct intake {
     struct canaerospace can;
     double agl_m; /* of the newest FlightGear packet; NAN else */
 };
+
+/* When what a sender stamped was valid, on our clock: no later than it arrived, free of the
+ * network's jitter. `sender_ns` of 0: it said nothing. */
+nsec_t sender_clock_map(struct sender_clock *clock, int64_t sender_ns, nsec_t receive_ns);
 
 void intake_init(struct intake *intake, const struct intake_params *params);
 

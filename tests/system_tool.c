@@ -4,6 +4,7 @@
  *   system_tool hold-port PORT        holds it for UDP until killed
  *   system_tool notify SOCKET FILE    a service manager's ear: each message's lines into FILE
  *   system_tool bad-input PORT KIND   one native datagram that has to be refused, or a good one
+ *   system_tool cigi PORT KIND [N]    a message of a CIGI host, good or bad, or N of noise
  */
 #include <math.h>
 #include <netinet/in.h>
@@ -14,6 +15,7 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include "io/cigi_host.h"
 #include "io/native.h"
 
 #define LIFE_S 60 /* an orphan ends by itself */
@@ -124,6 +126,73 @@ static int bad_input(unsigned port, const char *kind)
     return 0;
 }
 
+static void put_own_ship(const struct cigi_host *host, struct cigi_writer *writer, double lat_deg)
+{
+    const struct pose pose = {.valid = POSE_POSITION | POSE_ATTITUDE,
+                              .position = {lat_deg, 7.9, 4000.0}};
+    cigi_host_put_pose(host, writer, 0, 1, &pose);
+}
+
+static void put_bytes(struct cigi_writer *writer, const uint8_t *bytes, size_t size)
+{
+    memcpy(writer->data + writer->size, bytes, size);
+    writer->size += size;
+}
+
+/* What is wrong stands before a place of own-ship, where that can be read at all. */
+static size_t make_cigi(const char *kind, uint8_t data[CIGI_MESSAGE_MAX])
+{
+    static const uint8_t size_0[8] = {2, 0}, past_end[8] = {2, 240}, unknown[8] = {250, 8};
+    struct cigi_host host = {.format = {.major = 3, .minor = 3}, .frame = 1};
+    struct cigi_packet orphan = {.kind = CIGI_RATE, .rate = {.entity = 99}};
+    struct cigi_writer writer;
+    cigi_host_begin(&host, 1, data, &writer);
+    if (strcmp(kind, "operate") == 0)
+        put_own_ship(&host, &writer, 46.5);
+    if (strcmp(kind, "standby") == 0)
+        data[4] &= 0xfc;
+    if (strcmp(kind, "size-0") == 0)
+        put_bytes(&writer, size_0, sizeof(size_0));
+    if (strcmp(kind, "past-end") == 0)
+        put_bytes(&writer, past_end, sizeof(past_end));
+    if (strcmp(kind, "nan") == 0) {
+        put_own_ship(&host, &writer, NAN);
+        put_own_ship(&host, &writer, 46.6);
+    }
+    if (strcmp(kind, "no-entity") == 0)
+        cigi_write(&writer, &orphan);
+    if (strcmp(kind, "unknown") == 0) {
+        put_bytes(&writer, unknown, sizeof(unknown));
+        put_own_ship(&host, &writer, 46.7);
+    }
+    if (strcmp(kind, "magic") == 0 || strcmp(kind, "noise") == 0)
+        memset(data, 0x5a, writer.size);
+    return writer.size;
+}
+
+/* Noise comes from 127.0.0.9. */
+static int cigi(unsigned port, const char *kind, int count)
+{
+    static uint8_t data[CIGI_MESSAGE_MAX];
+    size_t size = make_cigi(kind, data);
+    struct sockaddr_in to = {.sin_family = AF_INET,
+                             .sin_port = htons((uint16_t)port),
+                             .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
+    struct sockaddr_in from = {.sin_family = AF_INET, .sin_addr.s_addr = htonl(0x7f000009)};
+    int fd = socket(AF_INET, SOCK_DGRAM, 0);
+    if (fd < 0 ||
+        (strcmp(kind, "noise") == 0 && bind(fd, (struct sockaddr *)&from, sizeof(from)) < 0))
+        fail("socket");
+    for (int i = 0; i < count; i++) {
+        if (sendto(fd, data, size, 0, (struct sockaddr *)&to, sizeof(to)) != (ssize_t)size)
+            fail("sendto");
+        if (i % 10 == 9)
+            usleep(1000);
+    }
+    close(fd);
+    return 0;
+}
+
 int main(int argc, char **argv)
 {
     const char *what = argc > 1 ? argv[1] : "";
@@ -136,6 +205,8 @@ int main(int argc, char **argv)
         notify(argv[2], argv[3]);
     if (strcmp(what, "bad-input") == 0 && argc == 4)
         return bad_input((unsigned)atoi(argv[2]), argv[3]);
+    if (strcmp(what, "cigi") == 0 && argc >= 4)
+        return cigi((unsigned)atoi(argv[2]), argv[3], argc > 4 ? atoi(argv[4]) : 1);
     fputs("usage: see the head of tests/system_tool.c\n", stderr);
     return 64;
 }
