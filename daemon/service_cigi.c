@@ -27,10 +27,11 @@ struct cigi_source {
     enum cigi_mode mode;                    /* as logged */
     uint64_t rejected_seen[REJECT_REASONS]; /* as counted at the source */
     uint64_t lost_seen;
-    nsec_t shown_ns;     /* when the frame that began last will be seen */
-    bool placed;         /* a message has placed own-ship since the last frame began */
-    bool leads;          /* what it says of view and sky is what is drawn */
-    double visibility_m; /* as it said last; 0 = nothing */
+    nsec_t shown_ns; /* when the frame that began last will be seen */
+    bool placed;     /* a message has placed own-ship since the last frame began */
+    struct cigi_view_definition not_drawn; /* the last that cannot be */
+    bool leads;                            /* what it says of view and sky is what is drawn */
+    double visibility_m;                   /* as it said last; 0 = nothing */
     bool has_utc;
     nsec_t utc_offset_ns; /* likewise */
     nsec_t send_told_ns, debug_told_ns;
@@ -183,10 +184,13 @@ static bool find_pose(const struct cigi_source *cigi, struct pose *ret_pose)
     return true;
 }
 
-static void use_view(const struct cigi_view *view, struct channel_geometry *ret_geometry)
+/* What cannot be drawn is told to the host once, and leaves the view as it was. */
+static void use_view(struct cigi_source *cigi, const struct cigi_view *view,
+                     struct channel_geometry *ret_geometry)
 {
     const struct cigi_view_definition *d = &view->definition;
-    *ret_geometry = (struct channel_geometry){
+    struct diag diag = {"orthographic views are not drawn"};
+    const struct channel_geometry geometry = {
         .offset_m = {view->offset_m[0], view->offset_m[1], view->offset_m[2]},
         .yaw_deg = view->attitude.heading_deg,
         .pitch_deg = view->attitude.pitch_deg,
@@ -195,7 +199,21 @@ static void use_view(const struct cigi_view *view, struct channel_geometry *ret_
         .right_deg = (double)d->right,
         .bottom_deg = (double)d->bottom,
         .top_deg = (double)d->top,
+        .mirror_x = d->mirror & CIGI_MIRROR_HORIZONTAL,
+        .mirror_y = d->mirror & CIGI_MIRROR_VERTICAL,
+        .near_m = (double)d->near_m,
     };
+    if (!d->orthographic && channel_geometry_check(&geometry, &diag) == 0) {
+        *ret_geometry = geometry;
+        return;
+    }
+    if (memcmp(d, &cigi->not_drawn, sizeof(*d)) == 0)
+        return;
+    const struct log_about source = about(cigi);
+    cigi->not_drawn = *d;
+    cigi_session_say(cigi->session, CIGI_SAY_REFUSED, diag.text);
+    log_write(NULL, LOG_LEVEL_WARNING, &source, "source %s: view %u: %s", config_of(cigi)->name,
+              d->view, diag.text);
 }
 
 /* Only what the host has changed is taken, so that the operator's controls hold until then. */
@@ -232,7 +250,7 @@ static void lead(struct cigi_source *cigi)
     struct service *service = cigi->slot->service;
     const struct cigi_scene *scene = cigi_session_scene(cigi->session);
     bool live = service->arbiter.active == (int)cigi->slot->index;
-    use_view(own_view(cigi), &service->input.geometry);
+    use_view(cigi, own_view(cigi), &service->input.geometry);
     use_air(cigi, &scene->atmosphere);
     use_sky(cigi, scene);
     service->input.wait_ns = live ? config_of(cigi)->sync_wait_ms * NSEC_PER_MSEC : 0;
