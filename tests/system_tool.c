@@ -144,6 +144,31 @@ static void put_bytes(struct cigi_writer *writer, const uint8_t *bytes, size_t s
     writer->size += size;
 }
 
+static void put_clamped(struct cigi_writer *writer)
+{
+    struct cigi_packet packet = {.kind = CIGI_ENTITY_CONTROL};
+    packet.entity_control = (struct cigi_entity_control){
+        .state = CIGI_ACTIVE, .placement = {.clamp = CIGI_CLAMPED, .place = {46.6, 7.9, 2000.0}}};
+    cigi_write(writer, &packet);
+}
+
+static void put_surroundings(const char *kind, struct cigi_writer *writer)
+{
+    struct cigi_packet air = {.kind = CIGI_ATMOSPHERE,
+                              .atmosphere = {.enable = 1, .visibility_m = 12340.0f}};
+    struct cigi_packet sky = {.kind = CIGI_CELESTIAL};
+    struct cigi_packet view = {.kind = CIGI_VIEW_DEFINITION,
+                               .view_definition = {.use = 4, .left = -89.0f}};
+    sky.celestial = (struct cigi_celestial){
+        .hour = 6, .minute = 30, .sun = 1, .date_valid = 1, .date = 6212025};
+    if (strcmp(kind, "air") == 0)
+        cigi_write(writer, &air);
+    if (strcmp(kind, "sky") == 0)
+        cigi_write(writer, &sky);
+    if (strcmp(kind, "view") == 0)
+        cigi_write(writer, &view);
+}
+
 /* What is wrong stands before a place of own-ship, where that can be read at all. */
 static size_t make_cigi(const char *kind, uint8_t data[CIGI_MESSAGE_MAX])
 {
@@ -170,6 +195,11 @@ static size_t make_cigi(const char *kind, uint8_t data[CIGI_MESSAGE_MAX])
         put_bytes(&writer, unknown, sizeof(unknown));
         put_own_ship(&host, &writer, 46.7);
     }
+    if (strcmp(kind, "place") == 0)
+        put_own_ship(&host, &writer, 46.7);
+    if (strcmp(kind, "clamped") == 0)
+        put_clamped(&writer);
+    put_surroundings(kind, &writer);
     if (strcmp(kind, "magic") == 0 || strcmp(kind, "noise") == 0)
         memset(data, 0x5a, writer.size);
     return writer.size;
