@@ -122,16 +122,6 @@ static void tell_counters(const struct cigi_source *cigi, const char *when)
         (unsigned long long)c->requests, (unsigned long long)c->responses, reasons);
 }
 
-void cigi_source_destroy(struct cigi_source *cigi)
-{
-    if (!cigi)
-        return;
-    if (cigi->session && cigi_session_link(cigi->session)->counters.messages > 0)
-        tell_counters(cigi, " in all");
-    cigi_session_destroy(cigi->session);
-    free(cigi);
-}
-
 static struct cigi_ground ground_of(const struct service *service)
 {
     return (struct cigi_ground){.context = service->queries, .at = query_thread_ground_at};
@@ -268,6 +258,18 @@ static void stop_leading(struct cigi_source *cigi)
     use_air(cigi, &none);
     use_sky(cigi, &nothing);
     cigi->leads = false;
+}
+
+void cigi_source_destroy(struct cigi_source *cigi)
+{
+    if (!cigi)
+        return;
+    if (cigi->leads)
+        stop_leading(cigi);
+    if (cigi->session && cigi_session_link(cigi->session)->counters.messages > 0)
+        tell_counters(cigi, " in all");
+    cigi_session_destroy(cigi->session);
+    free(cigi);
 }
 
 /* The time at which the host's place is valid: in synchronous operation it is that of the frame
