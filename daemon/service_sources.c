@@ -74,7 +74,7 @@ static void on_packet(void *context, struct pose_source *source, const void *dat
                       nsec_t receive_ns)
 {
     struct source_slot *slot = context;
-    if (slot->service->recorder)
+    if (slot->service->recorder && size <= OTWLOG_PAYLOAD_MAX)
         otwlog_add_packet(recorder_writer(slot->service->recorder), slot->index, data, size,
                           receive_ns);
 }

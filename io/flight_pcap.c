@@ -240,7 +240,8 @@ static int pcap_read(const struct flight_input *input, const struct flight_param
 {
     if (params->force_protocol &&
         (params->protocol == POSE_PROTOCOL_CANAEROSPACE || params->protocol == POSE_PROTOCOL_CIGI))
-        return diag_set(diag, -EBADMSG, "%s: a pcap carries UDP, not CANaerospace", input->name);
+        return diag_set(diag, -EBADMSG, "%s: no poses of %s are read from a pcap", input->name,
+                        pose_protocol_name(params->protocol));
     struct capture c = {.input = input};
     int r = read_header(&c, diag);
     if (r < 0)
