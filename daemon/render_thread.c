@@ -20,8 +20,9 @@
 
 struct render_thread {
     struct render_params params;
-    struct latest input; /* struct render_input, written by the event loop */
-    struct ring samples; /* struct frame_sample, read by the event loop */
+    struct latest input;   /* struct render_input, written by the event loop */
+    struct latest traffic; /* struct traffic, likewise */
+    struct ring samples;   /* struct frame_sample, read by the event loop */
     int event_fd;
     int begin_fd;
     _Atomic nsec_t begun_ns; /* when the frame that was told last will be seen */
@@ -52,6 +53,7 @@ struct frame_loop {
     uint64_t snapshot;
     struct frame_sample sample;
     struct governor governor;
+    struct traffic traffic; /* what to draw beside the terrain */
 };
 
 static void announce(struct render_thread *thread, enum render_state state)
@@ -67,6 +69,7 @@ static void take_input(struct frame_loop *loop)
     nsec_t before_ns = loop->input.pose.receive_ns;
     if (latest_take(&loop->thread->input, &loop->input))
         loop->fresh |= loop->input.pose.receive_ns != before_ns;
+    latest_take(&loop->thread->traffic, &loop->traffic);
     channel_set_visibility(loop->channel, loop->input.visibility_m);
     channel_set_geometry(loop->channel, &loop->input.geometry);
 }
@@ -245,6 +248,8 @@ static int start(struct render_thread *thread)
         return -errno;
     int r = latest_init(&thread->input, sizeof(struct render_input));
     if (r == 0)
+        r = latest_init(&thread->traffic, sizeof(struct traffic));
+    if (r == 0)
         r = ring_init(&thread->samples, sizeof(struct frame_sample), RENDER_SAMPLES);
     if (r == 0)
         r = -pthread_create(&thread->thread, NULL, render_main, thread);
@@ -284,6 +289,7 @@ int render_thread_stop(struct render_thread *thread, struct diag *diag)
     if (r < 0)
         diag_set(diag, r, "%s", thread->output_diag.text);
     latest_finish(&thread->input);
+    latest_finish(&thread->traffic);
     ring_finish(&thread->samples);
     if (thread->event_fd >= 0)
         close(thread->event_fd);
@@ -340,6 +346,11 @@ const char *render_thread_note(const struct render_thread *thread)
 void render_thread_publish(struct render_thread *thread, const struct render_input *input)
 {
     latest_publish(&thread->input, input);
+}
+
+void render_thread_publish_traffic(struct render_thread *thread, const struct traffic *traffic)
+{
+    latest_publish(&thread->traffic, traffic);
 }
 
 bool render_thread_take(struct render_thread *thread, struct frame_sample *ret_sample)

@@ -11,6 +11,7 @@
 #include "daemon/channel.h"
 #include "daemon/notify.h"
 #include "io/arbiter.h"
+#include "io/cigi_scene.h"
 
 /* What the event loop wants to be drawn: always whole, always the newest. */
 struct render_input {
@@ -24,6 +25,15 @@ struct render_input {
     struct channel_geometry geometry;
     bool tells_begin; /* render_thread_begin_fd() is wanted */
     nsec_t wait_ns;   /* for render_thread_go(), once that was told; 0 = not at all */
+};
+
+/* What else a host has in the air and on the ground, at the time of a frame. */
+#define TRAFFIC_MAX 256
+
+struct traffic {
+    nsec_t time_ns; /* for which the places hold */
+    size_t count;
+    struct cigi_seen list[TRAFFIC_MAX];
 };
 
 /* One finished frame. */
@@ -93,6 +103,9 @@ const char *render_thread_note(const struct render_thread *thread);
 
 /* Event loop. No lock on either side. */
 void render_thread_publish(struct render_thread *thread, const struct render_input *input);
+
+/* The same, for the entities that a host moves: they change with every frame, or not at all. */
+void render_thread_publish_traffic(struct render_thread *thread, const struct traffic *traffic);
 
 /* The oldest sample not yet taken; false where there is none. Samples that nobody takes are lost
  * after RENDER_SAMPLES. Event loop. */

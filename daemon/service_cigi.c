@@ -37,6 +37,7 @@ struct cigi_source {
     nsec_t send_told_ns, debug_told_ns;
     uint64_t unsent;
     uint8_t message[CIGI_MESSAGE_MAX];
+    struct traffic traffic; /* as published last */
 };
 
 static const char *const mode_names[] = {"Standby", "Operate", "Debug", "Maintenance"};
@@ -234,6 +235,20 @@ static void use_sky(struct cigi_source *cigi, const struct cigi_scene *scene)
         service_reset_time(service);
 }
 
+static void publish_traffic(struct cigi_source *cigi)
+{
+    struct service *service = cigi->slot->service;
+    const struct cigi_scene *scene = cigi_session_scene(cigi->session);
+    struct cigi_ground ground = ground_of(service);
+    struct traffic *traffic = &cigi->traffic;
+    size_t before = traffic->count;
+    traffic->time_ns = scene->now_ns;
+    traffic->count = cigi_scene_seen(scene, own_view(cigi)->entity,
+                                     ground_or_null(service, &ground), traffic->list, TRAFFIC_MAX);
+    if (service->render && traffic->count + before > 0)
+        render_thread_publish_traffic(service->render, traffic);
+}
+
 /* While it drives, the channel shows the host's view, sky and air. */
 static void lead(struct cigi_source *cigi)
 {
@@ -257,6 +272,9 @@ static void stop_leading(struct cigi_source *cigi)
     service->input.wait_ns = 0;
     use_air(cigi, &none);
     use_sky(cigi, &nothing);
+    cigi->traffic.count = 0;
+    if (service->render)
+        render_thread_publish_traffic(service->render, &cigi->traffic);
     cigi->leads = false;
 }
 
@@ -341,6 +359,7 @@ int cigi_source_message(struct cigi_source *cigi, const void *data, size_t size,
     offer_pose(cigi, receive_ns, counters);
     if (service->driving == (int)cigi->slot->index) {
         lead(cigi);
+        publish_traffic(cigi);
         service_publish(service);
         render_thread_go(service->render);
     }
@@ -411,10 +430,12 @@ void cigi_source_begin(struct cigi_source *cigi, nsec_t shown_ns)
     send_message(cigi, now_ns);
     cigi_session_begin(cigi->session, shown_ns, ground_or_null(service, &ground));
     ask(cigi);
-    if (drives)
+    if (drives) {
         lead(cigi);
-    else if (cigi->leads)
+        publish_traffic(cigi);
+    } else if (cigi->leads) {
         stop_leading(cigi);
+    }
     move_pose(cigi);
     if (cigi->mode == CIGI_DEBUG && now_ns - cigi->debug_told_ns > DEBUG_TELL_NS) {
         cigi->debug_told_ns = now_ns;

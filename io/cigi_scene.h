@@ -6,6 +6,7 @@
  * cigi_session_begin(). */
 #pragma once
 
+#include "geo/frames.h"
 #include "geo/pose.h"
 #include "io/cigi_packets.h"
 #include "io/cigi_table.h"
@@ -84,6 +85,22 @@ int cigi_scene_entity_pose(const struct cigi_scene *scene, uint16_t entity,
 /* Where the eye of a view is and looks. Returns as above. */
 int cigi_scene_eye_pose(const struct cigi_scene *scene, uint16_t view,
                         const struct cigi_ground *ground, struct pose *ret_pose);
+
+/* An entity to be drawn. */
+struct cigi_seen {
+    uint16_t entity;
+    uint16_t type;        /* as the host numbers them; of a DIS enumeration (4.0) the country */
+    uint8_t kind, domain; /* of a DIS enumeration; else 0 */
+    uint8_t alpha;
+    double ecef_m[3];
+    struct quaternion ecef_from_body;
+};
+
+/* The active entities that have a place, but for one, in the order of their numbers; at most
+ * `capacity`. Returns how many. */
+size_t cigi_scene_seen(const struct cigi_scene *scene, uint16_t except,
+                       const struct cigi_ground *ground, struct cigi_seen *ret_seen,
+                       size_t capacity);
 
 const struct cigi_entity *cigi_scene_entity(const struct cigi_scene *scene, uint16_t entity);
 const struct cigi_view *cigi_scene_view(const struct cigi_scene *scene, uint16_t view);
