@@ -160,7 +160,7 @@ static void put_surroundings(const char *kind, struct cigi_writer *writer)
     struct cigi_packet view = {.kind = CIGI_VIEW_DEFINITION,
                                .view_definition = {.use = 4, .left = -89.0f}};
     sky.celestial = (struct cigi_celestial){
-        .hour = 6, .minute = 30, .sun = 1, .date_valid = 1, .date = 6212025};
+        .hour = 6, .minute = 30, .ephemeris = 1, .sun = 1, .date_valid = 1, .date = 6212025};
     if (strcmp(kind, "air") == 0)
         cigi_write(writer, &air);
     if (strcmp(kind, "sky") == 0)
