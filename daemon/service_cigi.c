@@ -7,16 +7,14 @@
 #include <string.h>
 #include <sys/epoll.h>
 
+#include "daemon/cigi_lead.h"
 #include "daemon/service_internal.h"
 #include "io/cigi_session.h"
 
-#define REQUESTS_MAX     2000 /* of a session: what a host may ask in two frames */
-#define QUERY_CACHE_MIB  64
-#define SEND_TELL_NS     NSEC_PER_SEC
-#define DEBUG_TELL_NS    NSEC_PER_SEC
-#define UTC_STEP_NS      NSEC_PER_MSEC /* a host's clock that differs by less has not been set */
-#define VISIBILITY_MIN_M 10.0
-#define VISIBILITY_MAX_M 655350.0
+#define REQUESTS_MAX    2000 /* of a session: what a host may ask in two frames */
+#define QUERY_CACHE_MIB 64
+#define SEND_TELL_NS    NSEC_PER_SEC
+#define DEBUG_TELL_NS   NSEC_PER_SEC
 
 struct cigi_source {
     struct source_slot *slot;
@@ -29,15 +27,10 @@ struct cigi_source {
     uint64_t lost_seen;
     nsec_t shown_ns; /* when the frame that began last will be seen */
     bool placed;     /* a message has placed own-ship since the last frame began */
-    struct cigi_view_definition not_drawn; /* the last that cannot be */
-    bool leads;                            /* what it says of view and sky is what is drawn */
-    double visibility_m;                   /* as it said last; 0 = nothing */
-    bool has_utc;
-    nsec_t utc_offset_ns; /* likewise */
+    struct cigi_lead lead;
     nsec_t send_told_ns, debug_told_ns;
     uint64_t unsent;
     uint8_t message[CIGI_MESSAGE_MAX];
-    struct traffic traffic; /* as published last */
 };
 
 static const char *const mode_names[] = {"Standby", "Operate", "Debug", "Maintenance"};
@@ -89,6 +82,10 @@ int cigi_source_create(struct source_slot *slot, struct cigi_source **ret_cigi, 
         cigi_source_destroy(cigi);
         return r;
     }
+    cigi->lead = (struct cigi_lead){.service = slot->service,
+                                    .session = cigi->session,
+                                    .source = slot->config->name,
+                                    .view = (uint16_t)slot->config->view};
     *ret_cigi = cigi;
     return 0;
 }
@@ -123,15 +120,9 @@ static void tell_counters(const struct cigi_source *cigi, const char *when)
         (unsigned long long)c->requests, (unsigned long long)c->responses, reasons);
 }
 
-static struct cigi_ground ground_of(const struct service *service)
+const struct cigi_ground *service_ground(const struct service *service)
 {
-    return (struct cigi_ground){.context = service->queries, .at = query_thread_ground_at};
-}
-
-static const struct cigi_ground *ground_or_null(const struct service *service,
-                                                const struct cigi_ground *ground)
-{
-    return service->queries ? ground : NULL;
+    return service->queries ? &service->ground : NULL;
 }
 
 /* Hands on what has come up to be asked of the ground. */
@@ -158,131 +149,38 @@ static void count(struct cigi_source *cigi, struct intake_counters *counters)
     cigi->lost_seen = seen->lost;
 }
 
-static const struct cigi_view *own_view(const struct cigi_source *cigi)
-{
-    return cigi_scene_view(cigi_session_scene(cigi->session), (uint16_t)config_of(cigi)->view);
-}
-
 /* Of that which carries the channel's eye: own-ship, until the host attaches the view elsewhere. */
 static bool find_pose(const struct cigi_source *cigi, struct pose *ret_pose)
 {
     const struct cigi_link *link = cigi_session_link(cigi->session);
-    struct cigi_ground ground = ground_of(cigi->slot->service);
-    if (cigi_scene_entity_pose(cigi_session_scene(cigi->session), own_view(cigi)->entity,
-                               ground_or_null(cigi->slot->service, &ground), ret_pose) < 0)
+    if (cigi_scene_entity_pose(cigi_session_scene(cigi->session),
+                               cigi_lead_view(&cigi->lead)->entity,
+                               service_ground(cigi->slot->service), ret_pose) < 0)
         return false;
     ret_pose->receive_ns = link->receive_ns;
     return true;
 }
 
-/* What cannot be drawn is told to the host once, and leaves the view as it was. */
-static void use_view(struct cigi_source *cigi, const struct cigi_view *view,
-                     struct channel_geometry *ret_geometry)
-{
-    const struct cigi_view_definition *d = &view->definition;
-    struct diag diag = {"orthographic views are not drawn"};
-    const struct channel_geometry geometry = {
-        .offset_m = {view->offset_m[0], view->offset_m[1], view->offset_m[2]},
-        .yaw_deg = view->attitude.heading_deg,
-        .pitch_deg = view->attitude.pitch_deg,
-        .roll_deg = view->attitude.roll_deg,
-        .left_deg = (double)d->left,
-        .right_deg = (double)d->right,
-        .bottom_deg = (double)d->bottom,
-        .top_deg = (double)d->top,
-        .mirror_x = d->mirror & CIGI_MIRROR_HORIZONTAL,
-        .mirror_y = d->mirror & CIGI_MIRROR_VERTICAL,
-        .near_m = (double)d->near_m,
-    };
-    if (!d->orthographic && channel_geometry_check(&geometry, &diag) == 0) {
-        *ret_geometry = geometry;
-        return;
-    }
-    if (memcmp(d, &cigi->not_drawn, sizeof(*d)) == 0)
-        return;
-    const struct log_about source = about(cigi);
-    cigi->not_drawn = *d;
-    cigi_session_say(cigi->session, CIGI_SAY_REFUSED, diag.text);
-    log_write(NULL, LOG_LEVEL_WARNING, &source, "source %s: view %u: %s", config_of(cigi)->name,
-              d->view, diag.text);
-}
-
-/* Only what the host has changed is taken, so that the operator's controls hold until then. */
-static void use_air(struct cigi_source *cigi, const struct cigi_atmosphere *air)
-{
-    struct service *service = cigi->slot->service;
-    double visibility_m =
-        air->enable ? fmin(fmax((double)air->visibility_m, VISIBILITY_MIN_M), VISIBILITY_MAX_M)
-                    : 0.0;
-    if (visibility_m == cigi->visibility_m)
-        return;
-    cigi->visibility_m = visibility_m;
-    service->input.visibility_m =
-        visibility_m > 0.0 ? visibility_m : service->config.environment.visibility_m;
-}
-
-static void use_sky(struct cigi_source *cigi, const struct cigi_scene *scene)
-{
-    struct service *service = cigi->slot->service;
-    nsec_t offset_ns = scene->has_utc ? scene->utc_ns - scene->now_ns : 0;
-    if (scene->has_utc == cigi->has_utc && llabs(offset_ns - cigi->utc_offset_ns) < UTC_STEP_NS)
-        return;
-    cigi->has_utc = scene->has_utc;
-    cigi->utc_offset_ns = offset_ns;
-    if (scene->has_utc)
-        service_set_time(service, offset_ns);
-    else
-        service_reset_time(service);
-}
-
-static void publish_traffic(struct cigi_source *cigi)
-{
-    struct service *service = cigi->slot->service;
-    const struct cigi_scene *scene = cigi_session_scene(cigi->session);
-    struct cigi_ground ground = ground_of(service);
-    struct traffic *traffic = &cigi->traffic;
-    size_t before = traffic->count;
-    traffic->time_ns = scene->now_ns;
-    traffic->count = cigi_scene_seen(scene, own_view(cigi)->entity,
-                                     ground_or_null(service, &ground), traffic->list, TRAFFIC_MAX);
-    if (service->render && traffic->count + before > 0)
-        render_thread_publish_traffic(service->render, traffic);
-}
-
-/* While it drives, the channel shows the host's view, sky and air. */
+/* While it drives, the channel is the host's, and frames wait for it. */
 static void lead(struct cigi_source *cigi)
 {
     struct service *service = cigi->slot->service;
-    const struct cigi_scene *scene = cigi_session_scene(cigi->session);
     bool live = service->arbiter.active == (int)cigi->slot->index;
-    use_view(cigi, own_view(cigi), &service->input.geometry);
-    use_air(cigi, &scene->atmosphere);
-    use_sky(cigi, scene);
+    cigi_lead_take(&cigi->lead);
     service->input.wait_ns = live ? config_of(cigi)->sync_wait_ms * NSEC_PER_MSEC : 0;
-    cigi->leads = true;
 }
 
-/* Another source drives: the channel is what the configuration says. */
 static void stop_leading(struct cigi_source *cigi)
 {
-    struct service *service = cigi->slot->service;
-    static const struct cigi_atmosphere none;
-    static const struct cigi_scene nothing;
-    service->input.geometry = service->render_params.channel.geometry;
-    service->input.wait_ns = 0;
-    use_air(cigi, &none);
-    use_sky(cigi, &nothing);
-    cigi->traffic.count = 0;
-    if (service->render)
-        render_thread_publish_traffic(service->render, &cigi->traffic);
-    cigi->leads = false;
+    cigi->slot->service->input.wait_ns = 0;
+    cigi_lead_drop(&cigi->lead);
 }
 
 void cigi_source_destroy(struct cigi_source *cigi)
 {
     if (!cigi)
         return;
-    if (cigi->leads)
+    if (cigi->lead.leads)
         stop_leading(cigi);
     if (cigi->session && cigi_session_link(cigi->session)->counters.messages > 0)
         tell_counters(cigi, " in all");
@@ -300,7 +198,8 @@ static void offer_pose(struct cigi_source *cigi, nsec_t receive_ns,
     struct pose pose;
     if (!find_pose(cigi, &pose))
         return;
-    const struct cigi_entity *entity = cigi_scene_entity(scene, own_view(cigi)->entity);
+    const struct cigi_entity *entity =
+        cigi_scene_entity(scene, cigi_lead_view(&cigi->lead)->entity);
     nsec_t sent_ns = link->timestamp_valid ? link->host_ns + NSEC_PER_SEC : 0;
     nsec_t valid_ns = sender_clock_map(&cigi->clock, sent_ns, receive_ns);
     if (entity->time_ns == 0 || entity->time_ns == receive_ns) {
@@ -341,7 +240,6 @@ int cigi_source_message(struct cigi_source *cigi, const void *data, size_t size,
                         struct intake_counters *counters, struct rejection *ret_rejection)
 {
     struct service *service = cigi->slot->service;
-    struct cigi_ground ground = ground_of(service);
     if (!service->rendering)
         return 0; /* nobody is told of frames yet */
     int r = cigi_session_receive(cigi->session, data, size, receive_ns, ret_rejection);
@@ -352,14 +250,13 @@ int cigi_source_message(struct cigi_source *cigi, const void *data, size_t size,
     load_database(cigi);
     if (config_of(cigi)->sync_wait_ms > 0)
         cigi_session_advance(cigi->session, cigi->shown_ns);
-    cigi_session_place(cigi->session, ground_or_null(service, &ground));
+    cigi_session_place(cigi->session, service_ground(service));
     ask(cigi);
     if (service->driving == (int)cigi->slot->index)
         lead(cigi);
     offer_pose(cigi, receive_ns, counters);
     if (service->driving == (int)cigi->slot->index) {
         lead(cigi);
-        publish_traffic(cigi);
         service_publish(service);
         render_thread_go(service->render);
     }
@@ -409,7 +306,7 @@ static void move_pose(struct cigi_source *cigi)
 {
     struct service *service = cigi->slot->service;
     const struct cigi_entity *entity =
-        cigi_scene_entity(cigi_session_scene(cigi->session), own_view(cigi)->entity);
+        cigi_scene_entity(cigi_session_scene(cigi->session), cigi_lead_view(&cigi->lead)->entity);
     struct pose pose;
     bool moves = entity && (entity->moving || entity->control.placement.attach ||
                             entity->control.placement.clamp != CIGI_UNCLAMPED);
@@ -422,20 +319,17 @@ static void move_pose(struct cigi_source *cigi)
 void cigi_source_begin(struct cigi_source *cigi, nsec_t shown_ns)
 {
     struct service *service = cigi->slot->service;
-    struct cigi_ground ground = ground_of(service);
     nsec_t now_ns = clock_monotonic_ns();
     bool drives = service->driving == (int)cigi->slot->index;
     cigi->shown_ns = shown_ns;
     set_status(cigi);
     send_message(cigi, now_ns);
-    cigi_session_begin(cigi->session, shown_ns, ground_or_null(service, &ground));
+    cigi_session_begin(cigi->session, shown_ns, service_ground(service));
     ask(cigi);
-    if (drives) {
+    if (drives)
         lead(cigi);
-        publish_traffic(cigi);
-    } else if (cigi->leads) {
+    else if (cigi->lead.leads)
         stop_leading(cigi);
-    }
     move_pose(cigi);
     if (cigi->mode == CIGI_DEBUG && now_ns - cigi->debug_told_ns > DEBUG_TELL_NS) {
         cigi->debug_told_ns = now_ns;
@@ -483,6 +377,8 @@ static int start_queries(struct service *service, struct diag *diag)
         .cache_mib = channel->cache_mib < QUERY_CACHE_MIB ? channel->cache_mib : QUERY_CACHE_MIB,
         .dig = channel->dig};
     int r = query_thread_start(&params, &service->queries, diag);
+    service->ground =
+        (struct cigi_ground){.context = service->queries, .at = query_thread_ground_at};
     if (r == 0 &&
         sd_event_add_io(service->loop, &service->queries_event, query_thread_fd(service->queries),
                         EPOLLIN, on_replies, service) < 0)

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "base/diag.h"
+#include "io/cigi_scene.h"
 #include "io/intake.h"
 
 struct cigi_source;
@@ -23,6 +24,9 @@ void cigi_source_begin(struct cigi_source *cigi, nsec_t shown_ns);
 
 /* Hears when frames of the thread that draws begin. Returns 0 or -errno. */
 int service_watch_begin(struct service *service);
+
+/* The ground that entities stand on; NULL where there is nobody to ask. */
+const struct cigi_ground *service_ground(const struct service *service);
 
 /* Starts what sources of that type need, where there are any: the thread that answers questions;
  * and lets the picture tell when its frames begin. */

@@ -70,6 +70,7 @@ struct service {
     struct dig_thread *dig;       /* NULL where nobody may dig, or nobody can */
     struct query_thread *queries; /* NULL where no source asks of the ground */
     sd_event_source *queries_event;
+    struct cigi_ground ground; /* theirs */
     struct recorder *recorder;
     struct modbus_server *modbus;
     sd_event_source *modbus_event;
