@@ -129,6 +129,9 @@ static void settle_source(const struct source_check *check)
         strcpy(source->interface, "can0");
     if (!is_bus(source) && !document_get(check->document, check->node, "listen", NULL))
         strcpy(source->listen, ports[source->type]);
+    if (source->type == CONFIG_SOURCE_CIGI &&
+        !document_get(check->document, check->node, "reply", NULL))
+        strcpy(source->reply, "127.0.0.1:8005");
 }
 
 static int settle_allow(const struct source_check *check)
@@ -183,6 +186,32 @@ static void check_allow(const struct source_check *check)
     }
 }
 
+static bool same_text(const char *a, const char *b)
+{
+    return *a && strcmp(a, b) == 0;
+}
+
+static void check_cigi(const struct source_check *check)
+{
+    const struct config_source *source = check->source;
+    double tenths = source->version * 10.0;
+    char shown[64];
+    refuse_key(check, "altitude", "counts heights from the ellipsoid");
+    snprintf(shown, sizeof(shown), "sources[%u].reply", check->index);
+    check_address(check->document, document_get(check->document, check->node, "reply", NULL), shown,
+                  source->reply);
+    if ((source->version > 3.35 && source->version < 4.0) ||
+        fabs(tenths - nearbyint(tenths)) > 1e-6)
+        document_complain(check->document,
+                          document_get(check->document, check->node, "version", NULL),
+                          "sources[%u].version is %g; it must be 3.0, 3.1, 3.2, 3.3 or 4.0",
+                          check->index, source->version);
+    if (same_text(source->reply, source->listen))
+        document_complain(check->document, either(check->document, check->node, "reply", "listen"),
+                          "sources[%u].reply: %s is where the source itself listens", check->index,
+                          source->reply);
+}
+
 static void check_wire(const struct source_check *check)
 {
     const struct config_source *source = check->source;
@@ -198,15 +227,15 @@ static void check_wire(const struct source_check *check)
                       shown, source->listen);
         check_allow(check);
     }
-    if (source->type == CONFIG_SOURCE_CIGI)
+    if (source->type == CONFIG_SOURCE_CIGI) {
+        check_cigi(check);
         return;
+    }
     refuse_key(check, "reply", "sends no replies");
     refuse_key(check, "version", "finds its version in the packets");
-}
-
-static bool same_text(const char *a, const char *b)
-{
-    return *a && strcmp(a, b) == 0;
+    refuse_key(check, "view", "knows no views");
+    refuse_key(check, "database", "knows no databases");
+    refuse_key(check, "sync_wait_ms", "is not waited for");
 }
 
 static void check_duplicates(const struct source_check *check)
@@ -228,7 +257,7 @@ static void check_duplicates(const struct source_check *check)
 static bool is_supported(enum config_source_type type)
 {
     return type == CONFIG_SOURCE_NATIVE || type == CONFIG_SOURCE_FLIGHTGEAR ||
-           type == CONFIG_SOURCE_CANAEROSPACE;
+           type == CONFIG_SOURCE_CANAEROSPACE || type == CONFIG_SOURCE_CIGI;
 }
 
 static int check_source(struct source_check *check)
@@ -245,7 +274,7 @@ static int check_source(struct source_check *check)
     if (!is_supported(check->source->type))
         document_complain(check->document, document_get(check->document, check->node, "type", NULL),
                           "sources[%u].type: %s is not supported by this version; use native, "
-                          "flightgear or canaerospace",
+                          "flightgear, canaerospace or cigi",
                           check->index, type);
     check_wire(check);
     check_duplicates(check);

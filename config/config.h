@@ -86,7 +86,7 @@ enum config_source_type {
     CONFIG_SOURCE_NATIVE,
     CONFIG_SOURCE_FLIGHTGEAR,
     CONFIG_SOURCE_CANAEROSPACE,
-    CONFIG_SOURCE_CIGI,   /* refused by this version */
+    CONFIG_SOURCE_CIGI,
     CONFIG_SOURCE_XPLANE, /* refused by this version */
     CONFIG_SOURCE_DIS,    /* refused by this version */
 };
@@ -105,9 +105,12 @@ struct config_allow {
 struct config_source {
     char name[CONFIG_NAME_MAX]; /* empty in the file: "source1", by position */
     enum config_source_type type;
-    double version;                       /* cigi only; 0 where not given */
+    double version;                       /* cigi only: spoken until the host has spoken */
     char listen[ADDRESS_TEXT_MAX];        /* UDP sources; empty for a bus */
-    char reply[ADDRESS_TEXT_MAX];         /* cigi only; empty where not given */
+    char reply[ADDRESS_TEXT_MAX];         /* cigi only: where Start of Frame goes */
+    unsigned view;                        /* cigi only: the number of the channel's view */
+    unsigned database;                    /* cigi only: by which the host knows the terrain */
+    unsigned sync_wait_ms;                /* cigi only: that a frame waits for the host; 0: none */
     char interface[CONFIG_INTERFACE_MAX]; /* CAN: "can0" or "sim:PATH"; empty for UDP */
     unsigned priority;                    /* 1 is best; where not given: the position in the list */
     unsigned timeout_ms;                  /* silence after which the source counts as lost */

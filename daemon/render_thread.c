@@ -2,10 +2,12 @@
 
 #include <errno.h>
 #include <pthread.h>
+#include <semaphore.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/eventfd.h>
+#include <time.h>
 #include <unistd.h>
 
 #include "base/latest.h"
@@ -18,10 +20,14 @@
 
 struct render_thread {
     struct render_params params;
-    struct latest input; /* struct render_input, written by the event loop */
-    struct ring poses;   /* struct arrived, written by the event loop */
-    struct ring samples; /* struct frame_sample, read by the event loop */
+    struct latest input;   /* struct render_input, written by the event loop */
+    struct latest traffic; /* struct traffic, likewise */
+    struct ring poses;     /* struct arrived, likewise */
+    struct ring samples;   /* struct frame_sample, read by the event loop */
     int event_fd;
+    int begin_fd;
+    _Atomic nsec_t begun_ns; /* when the frame that was told last will be seen */
+    sem_t go;
     _Atomic int
         state; /* enum render_state; the release that makes `gl`, `note` and `diag` visible */
     atomic_bool stopping;
@@ -54,6 +60,7 @@ struct frame_loop {
     uint64_t snapshot;
     struct frame_sample sample;
     struct governor governor;
+    struct traffic traffic; /* what to draw beside the terrain */
 };
 
 static void announce(struct render_thread *thread, enum render_state state)
@@ -70,6 +77,7 @@ static void take_input(struct frame_loop *loop)
     struct arrived arrived;
     while (ring_take(&loop->thread->poses, &arrived))
         motion_put(&loop->motion, arrived.source, &arrived.pose);
+    latest_take(&loop->thread->traffic, &loop->traffic);
     if (!latest_take(&loop->thread->input, &loop->input))
         return;
     motion_set_params(&loop->motion, &loop->input.motion);
@@ -77,6 +85,30 @@ static void take_input(struct frame_loop *loop)
     if (loop->input.pose.receive_ns)
         motion_put(&loop->motion, loop->input.source, &loop->input.pose);
     channel_set_visibility(loop->channel, loop->input.visibility_m);
+    channel_set_geometry(loop->channel, &loop->input.geometry);
+}
+
+static void wait_for_host(struct render_thread *thread, nsec_t until_ns)
+{
+    const struct timespec until = {.tv_sec = until_ns / NSEC_PER_SEC,
+                                   .tv_nsec = until_ns % NSEC_PER_SEC};
+    while (sem_clockwait(&thread->go, CLOCK_MONOTONIC, &until) < 0 && errno == EINTR)
+        ;
+}
+
+/* Tells the event loop that a frame begins, and waits for the host that leads, if one does. */
+static void begin_frame(struct frame_loop *loop, nsec_t frame_ns)
+{
+    struct render_thread *thread = loop->thread;
+    if (!loop->input.tells_begin)
+        return;
+    while (sem_trywait(&thread->go) == 0)
+        ; /* an answer that came after its time */
+    atomic_store(&thread->begun_ns, frame_ns);
+    if (eventfd_write(thread->begin_fd, 1) < 0 || loop->input.wait_ns == 0)
+        return;
+    wait_for_host(thread, clock_monotonic_ns() + loop->input.wait_ns);
+    take_input(loop);
 }
 
 static void choose_pose(struct frame_loop *loop, nsec_t frame_ns)
@@ -139,6 +171,7 @@ static nsec_t draw_frame(struct frame_loop *loop, nsec_t tick_ns, bool *ret_fail
     nsec_t frame_ns = tick_ns + loop->period_ns;
     uint64_t missed_before = loop->sample.missed;
     take_input(loop);
+    begin_frame(loop, frame_ns);
     choose_pose(loop, frame_ns);
     struct pose next = loop->shown;
     if (!loop->input.frozen)
@@ -225,12 +258,16 @@ static void *render_main(void *data)
 
 static int start(struct render_thread *thread)
 {
+    sem_init(&thread->go, 0, 0);
     thread->event_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
-    if (thread->event_fd < 0)
+    thread->begin_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    if (thread->event_fd < 0 || thread->begin_fd < 0)
         return -errno;
     int r = latest_init(&thread->input, sizeof(struct render_input));
     if (r == 0)
         r = ring_init(&thread->poses, sizeof(struct arrived), RENDER_POSES);
+    if (r == 0)
+        r = latest_init(&thread->traffic, sizeof(struct traffic));
     if (r == 0)
         r = ring_init(&thread->samples, sizeof(struct frame_sample), RENDER_SAMPLES);
     if (r == 0)
@@ -248,7 +285,7 @@ int render_thread_start(const struct render_params *params, struct render_thread
     if (!thread)
         return diag_set(diag, -ENOMEM, "no memory for the render thread");
     thread->params = *params;
-    thread->event_fd = -1;
+    thread->event_fd = thread->begin_fd = -1;
     int r = start(thread);
     if (r < 0) {
         diag_set(diag, r, "cannot start the render thread: %s", strerror(-r));
@@ -264,6 +301,7 @@ int render_thread_stop(struct render_thread *thread, struct diag *diag)
     if (!thread)
         return 0;
     atomic_store(&thread->stopping, true);
+    sem_post(&thread->go);
     if (thread->has_thread)
         pthread_join(thread->thread, NULL);
     int r = thread->output_error;
@@ -271,9 +309,13 @@ int render_thread_stop(struct render_thread *thread, struct diag *diag)
         diag_set(diag, r, "%s", thread->output_diag.text);
     latest_finish(&thread->input);
     ring_finish(&thread->poses);
+    latest_finish(&thread->traffic);
     ring_finish(&thread->samples);
     if (thread->event_fd >= 0)
         close(thread->event_fd);
+    if (thread->begin_fd >= 0)
+        close(thread->begin_fd);
+    sem_destroy(&thread->go);
     free(thread);
     return r;
 }
@@ -292,6 +334,23 @@ enum render_state render_thread_state(struct render_thread *thread, struct diag 
     if (state == RENDER_FAILED || state == RENDER_LOST)
         *ret_diag = thread->diag;
     return state;
+}
+
+int render_thread_begin_fd(const struct render_thread *thread)
+{
+    return thread->begin_fd;
+}
+
+nsec_t render_thread_begun(struct render_thread *thread)
+{
+    eventfd_t count;
+    eventfd_read(thread->begin_fd, &count);
+    return atomic_load(&thread->begun_ns);
+}
+
+void render_thread_go(struct render_thread *thread)
+{
+    sem_post(&thread->go);
 }
 
 const struct gl_facts *render_thread_gl(const struct render_thread *thread)
@@ -313,6 +372,11 @@ void render_thread_pose(struct render_thread *thread, int source, const struct p
 void render_thread_publish(struct render_thread *thread, const struct render_input *input)
 {
     latest_publish(&thread->input, input);
+}
+
+void render_thread_publish_traffic(struct render_thread *thread, const struct traffic *traffic)
+{
+    latest_publish(&thread->traffic, traffic);
 }
 
 bool render_thread_take(struct render_thread *thread, struct frame_sample *ret_sample)

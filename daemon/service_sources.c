@@ -13,9 +13,9 @@
 
 struct motion_params config_motion(const struct config *config, int source)
 {
-    bool cigi = source >= 0 && config->sources[source].type == CONFIG_SOURCE_CIGI;
+    bool led = source >= 0 && config->sources[source].sync_wait_ms > 0;
     return (struct motion_params){
-        .latest = config->pose.mode == CONFIG_POSE_LATEST || cigi,
+        .latest = config->pose.mode == CONFIG_POSE_LATEST || led,
         .freeze = config->pose.on_loss == CONFIG_ON_LOSS_FREEZE,
         .delay_ns = config->pose.delay_ms * NSEC_PER_MSEC,
         .extrapolate_ns = config->pose.max_extrapolation_ms * NSEC_PER_MSEC,
@@ -28,6 +28,7 @@ struct intake_params config_intake(const struct config_source *source, struct ge
         [CONFIG_SOURCE_NATIVE] = POSE_PROTOCOL_NATIVE,
         [CONFIG_SOURCE_FLIGHTGEAR] = POSE_PROTOCOL_FLIGHTGEAR,
         [CONFIG_SOURCE_CANAEROSPACE] = POSE_PROTOCOL_CANAEROSPACE,
+        [CONFIG_SOURCE_CIGI] = POSE_PROTOCOL_CIGI,
     };
     return (struct intake_params){
         .protocol = protocols[source->type],
@@ -38,9 +39,7 @@ struct intake_params config_intake(const struct config_source *source, struct ge
     };
 }
 
-/* The newest pose of the source that drives goes to the picture and to the recording. A source that
- * tells no attitude leaves it as it was. */
-static void drive(struct service *service, int index, const struct pose *pose)
+void sources_drive(struct service *service, int index, const struct pose *pose)
 {
     struct attitude attitude = service->input.pose.attitude;
     service->input.pose = *pose;
@@ -58,19 +57,30 @@ static void drive(struct service *service, int index, const struct pose *pose)
         otwlog_add_pose(recorder_writer(service->recorder), (unsigned)index, pose);
 }
 
-static void on_pose(void *context, struct pose_source *source, const struct pose *pose)
+void source_take_pose(struct source_slot *slot, const struct pose *pose)
 {
-    struct source_slot *slot = context;
     struct service *service = slot->service;
     if (arbiter_offer(&service->arbiter, (int)slot->index, pose, clock_monotonic_ns()))
-        drive(service, (int)slot->index, pose);
+        sources_drive(service, (int)slot->index, pose);
+}
+
+static void on_pose(void *context, struct pose_source *source, const struct pose *pose)
+{
+    source_take_pose(context, pose);
+}
+
+static int on_message(void *context, const void *data, size_t size, nsec_t receive_ns,
+                      struct intake_counters *counters, struct rejection *ret_rejection)
+{
+    const struct source_slot *slot = context;
+    return cigi_source_message(slot->cigi, data, size, receive_ns, counters, ret_rejection);
 }
 
 static void on_packet(void *context, struct pose_source *source, const void *data, size_t size,
                       nsec_t receive_ns)
 {
     struct source_slot *slot = context;
-    if (slot->service->recorder)
+    if (slot->service->recorder && size <= OTWLOG_PAYLOAD_MAX)
         otwlog_add_packet(recorder_writer(slot->service->recorder), slot->index, data, size,
                           receive_ns);
 }
@@ -117,6 +127,7 @@ static int on_readable(sd_event_source *event, int fd, uint32_t revents, void *d
                                               .pose = on_pose,
                                               .packet = on_packet,
                                               .dig = on_dig,
+                                              .message = on_message,
                                               .trouble = on_trouble};
     nsec_t now_ns = clock_monotonic_ns();
     pose_source_dispatch(slot->source, now_ns, &events);
@@ -134,6 +145,16 @@ static void endpoint_of(const struct config_source *config, char *ret_text, size
     bool simulated = strncmp(config->interface, "sim:", 4) == 0;
     snprintf(ret_text, size, "%s%s", bus && !simulated ? "can:" : "",
              bus ? config->interface : config->listen);
+}
+
+static void close_slot(struct source_slot *slot)
+{
+    sd_event_source_disable_unref(slot->event);
+    cigi_source_destroy(slot->cigi);
+    pose_source_close(slot->source);
+    slot->event = NULL;
+    slot->cigi = NULL;
+    slot->source = NULL;
 }
 
 static int open_source(struct source_slot *slot, struct diag *diag)
@@ -154,10 +175,14 @@ static int open_source(struct source_slot *slot, struct diag *diag)
         .allow_count = config->allow_count,
     };
     int r = pose_source_open(&params, &slot->source, diag);
+    if (r >= 0 && config->type == CONFIG_SOURCE_CIGI &&
+        cigi_source_create(slot, &slot->cigi, diag) < 0) {
+        close_slot(slot);
+        return -ENOMEM;
+    }
     if (r >= 0 && sd_event_add_io(slot->service->loop, &slot->event, pose_source_fd(slot->source),
                                   EPOLLIN, on_readable, slot) < 0) {
-        pose_source_close(slot->source);
-        slot->source = NULL;
+        close_slot(slot);
         r = diag_set(diag, -EIO, "source %s: the event loop does not take it", config->name);
     }
     return r;
@@ -274,6 +299,7 @@ void sources_init(struct service *service)
                               clock_monotonic_ns());
     }
     service->slot_count = service->config.sources_count;
+    service_start_cigi(service);
 }
 
 void sources_tick(struct service *service, nsec_t now_ns)
@@ -282,7 +308,7 @@ void sources_tick(struct service *service, nsec_t now_ns)
         tick_slot(&service->slots[i], now_ns);
     int active = arbiter_update(&service->arbiter, now_ns);
     if (active != ARBITER_NONE && active != service->driving) {
-        drive(service, active, &service->arbiter.sources[active].pose);
+        sources_drive(service, active, &service->arbiter.sources[active].pose);
     } else if (service->input.live != (active != ARBITER_NONE)) {
         service->input.live = active != ARBITER_NONE;
         service_publish(service);
@@ -308,9 +334,7 @@ void sources_close(struct service *service)
 {
     for (unsigned i = 0; i < service->slot_count; i++) {
         add_counters(&service->slots[i], &service->closed);
-        sd_event_source_disable_unref(service->slots[i].event);
-        pose_source_close(service->slots[i].source);
-        service->slots[i].source = NULL;
+        close_slot(&service->slots[i]);
     }
 }
 

@@ -238,8 +238,10 @@ static int read_records(struct capture *c, const struct flight_params *params,
 static int pcap_read(const struct flight_input *input, const struct flight_params *params,
                      struct flight *flight, struct diag *diag)
 {
-    if (params->force_protocol && params->protocol == POSE_PROTOCOL_CANAEROSPACE)
-        return diag_set(diag, -EBADMSG, "%s: a pcap carries UDP, not CANaerospace", input->name);
+    if (params->force_protocol &&
+        (params->protocol == POSE_PROTOCOL_CANAEROSPACE || params->protocol == POSE_PROTOCOL_CIGI))
+        return diag_set(diag, -EBADMSG, "%s: no poses of %s are read from a pcap", input->name,
+                        pose_protocol_name(params->protocol));
     struct capture c = {.input = input};
     int r = read_header(&c, diag);
     if (r < 0)

@@ -15,6 +15,7 @@ static const char *const protocol_names[POSE_PROTOCOLS] = {
     [POSE_PROTOCOL_NATIVE] = "native",
     [POSE_PROTOCOL_FLIGHTGEAR] = "flightgear",
     [POSE_PROTOCOL_CANAEROSPACE] = "canaerospace",
+    [POSE_PROTOCOL_CIGI] = "cigi",
 };
 
 const char *pose_protocol_name(enum pose_protocol protocol)

@@ -56,6 +56,9 @@ static void end_window(struct sample_clock *clock, nsec_t offset_ns, nsec_t rece
 
 nsec_t sample_clock_time(struct sample_clock *clock, int64_t sender_ns, nsec_t receive_ns)
 {
+    /* Neither sum nor difference may overflow on what a peer sends. */
+    if (sender_ns <= 0 || sender_ns > INT64_MAX / 2)
+        return receive_ns;
     nsec_t offset_ns = receive_ns - sender_ns;
     if (!clock->known || llabs(offset_ns - clock->offset_ns) > JUMP_NS)
         start(clock, offset_ns, receive_ns);
@@ -208,8 +211,7 @@ void pose_clock_set(struct pose_clock *clock, struct pose_sample *sample, nsec_t
                     bool smooth)
 {
     struct pose *pose = &sample->pose;
-    /* Neither sum nor difference may overflow on what a peer sends. */
-    bool stamped = sample->sender_ns > 0 && sample->sender_ns <= INT64_MAX / 2;
+    bool stamped = sample->sender_ns > 0;
     if (pose->time_ns && smooth)
         set_two_rates(clock, pose);
     else if (!pose->time_ns && stamped)

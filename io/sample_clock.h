@@ -38,7 +38,8 @@ struct pose_clock {
     nsec_t fix_raw_ns, fix_ns;
 };
 
-/* The time of a sample that its sender stamped; it must not overflow: 0 < sender_ns <= 2^62. */
+/* The time of a sample that its sender stamped; where it did not (0, or beyond 2^62) that of its
+ * arrival. */
 nsec_t sample_clock_time(struct sample_clock *clock, int64_t sender_ns, nsec_t receive_ns);
 
 /* The time of one without a stamp. */

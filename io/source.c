@@ -226,6 +226,13 @@ static void dispatch_udp(struct pose_source *source, nsec_t now_ns,
             events->packet(events->context, source, buffer, datagram.size, datagram.receive_ns);
         struct pose pose;
         struct rejection rejection;
+        if (source->intake.params.protocol == POSE_PROTOCOL_CIGI) {
+            source->intake.counters.received++;
+            r = events->message(events->context, buffer, datagram.size, datagram.receive_ns,
+                                &source->intake.counters, &rejection);
+            take_result(source, now_ns, events, r, NULL, &rejection);
+            continue;
+        }
         /* A truncated one is longer than any version: its length alone refuses it. */
         r = intake_packet(&source->intake, buffer, datagram.size, datagram.receive_ns, &pose,
                           &rejection);
@@ -278,6 +285,12 @@ void pose_source_answer(struct pose_source *source, const union address *sender,
     size_t size = dig_message_encode(answer, data);
     if (size > 0)
         udp_send_to(&source->udp, sender, data, size);
+}
+
+int pose_source_send(struct pose_source *source, const union address *peer, const void *data,
+                     size_t size)
+{
+    return udp_send_to(&source->udp, peer, data, size);
 }
 
 int pose_source_fd(const struct pose_source *source)

@@ -37,6 +37,11 @@ struct pose_source_events {
      * such requests are refused. */
     void (*dig)(void *context, struct pose_source *source, const struct dig_message *message,
                 const union address *sender);
+    /* A message of CIGI, from an allowed sender; required for such sources. It is counted into
+     * `counters` by whoever takes it (but as received). Returns 0, or -EBADMSG with what was
+     * refused of it. */
+    int (*message)(void *context, const void *data, size_t size, nsec_t receive_ns,
+                   struct intake_counters *counters, struct rejection *ret_rejection);
     /* A refusal or a fault in one sentence that names the source; at most one a second. */
     void (*trouble)(void *context, struct pose_source *source, const char *sentence);
 };
@@ -61,6 +66,10 @@ void pose_source_dispatch(struct pose_source *source, nsec_t now_ns,
 /* Answers a request to dig. Where it is lost, the sender asks again. */
 void pose_source_answer(struct pose_source *source, const union address *sender,
                         const struct dig_message *answer);
+
+/* Sends a datagram from where a UDP source listens. Returns 0 or -errno. */
+int pose_source_send(struct pose_source *source, const union address *peer, const void *data,
+                     size_t size);
 
 const char *pose_source_name(const struct pose_source *source);
 unsigned pose_source_priority(const struct pose_source *source);

@@ -262,9 +262,24 @@ static void impossible_values_are_named_with_their_limits(void)
 static void sources_that_contradict_themselves_or_each_other_are_named(void)
 {
     static const struct bad bad[] = {
-        {"sources:\n- {name: a, type: cigi, version: 4.0}\n",
-         "2:19: sources[0].type: cigi is not supported by this version; use native, flightgear or "
-         "canaerospace"},
+        {"sources:\n- {name: a, type: xplane}\n",
+         "2:19: sources[0].type: xplane is not supported by this version; use native, flightgear, "
+         "canaerospace or cigi"},
+        {"sources: [{type: cigi, version: 3.4}]\n",
+         "1:33: sources[0].version is 3.4; it must be 3.0, 3.1, 3.2, 3.3 or 4.0"},
+        {"sources: [{type: cigi, version: 2.0}]\n",
+         "1:33: sources[0].version is 2.0; it must lie between 3 and 4"},
+        {"sources: [{type: cigi, reply: here}]\n",
+         "1:31: sources[0].reply is 'here'; it must be a numeric address and a port, like "
+         "127.0.0.1:5500 or [::1]:5500"},
+        {"sources: [{type: cigi, reply: \"127.0.0.1:8004\"}]\n",
+         "1:31: sources[0].reply: 127.0.0.1:8004 is where the source itself listens"},
+        {"sources: [{type: cigi, altitude: egm96}]\n",
+         "1:24: sources[0].altitude: cigi counts heights from the ellipsoid"},
+        {"sources: [{type: cigi, database: 0}]\n",
+         "1:34: sources[0].database is 0; it must lie between 1 and 127"},
+        {"sources: [{type: flightgear, sync_wait_ms: 5}]\n",
+         "1:30: sources[0].sync_wait_ms: flightgear is not waited for"},
         {"sources:\n- {name: a, listen: \"127.0.0.1:1\"}\n- {name: a, listen: \"127.0.0.1:2\"}\n",
          "3:10: sources[1].name: 'a' is already the name of sources[0]"},
         {"sources:\n- {name: a, listen: \"127.0.0.1:1\"}\n- {name: b, listen: \"127.0.0.1:1\"}\n",
