@@ -3,19 +3,24 @@
 #pragma once
 
 #include "io/canaerospace.h"
-#include "io/decode.h"
+#include "io/dis_tracker.h"
+#include "io/xplane.h"
 
 enum pose_protocol {
     POSE_PROTOCOL_NATIVE,
     POSE_PROTOCOL_FLIGHTGEAR,
     POSE_PROTOCOL_CANAEROSPACE,
+    POSE_PROTOCOL_XPLANE,
+    POSE_PROTOCOL_DIS,
     POSE_PROTOCOLS
 };
 
-/* "native", "flightgear", "canaerospace". */
+/* "native", "flightgear", "canaerospace", "xplane", "dis". */
 const char *pose_protocol_name(enum pose_protocol protocol);
 /* Returns 0, or -EINVAL for another name. */
 int pose_protocol_from_name(const char *name, enum pose_protocol *ret_protocol);
+/* Frames of a bus, not datagrams. */
+bool pose_protocol_is_can(enum pose_protocol protocol);
 
 /* The geoid's height above the ellipsoid; the one place through which io/ asks for it. */
 struct geoid_function {
@@ -31,11 +36,13 @@ struct intake_params {
     bool force_datum; /* `datum` instead of what the protocol says */
     enum altitude_datum datum;
     struct geoid_function geoid; /* required */
+    struct dis_filter dis;       /* whom a DIS source follows */
 };
 
 struct intake_counters {
     uint64_t received;                 /* datagrams, or CAN frames with a parameter of ours */
     uint64_t accepted;                 /* poses */
+    uint64_t others;                   /* sound, but not about own-ship */
     uint64_t rejected[REJECT_REASONS]; /* by reason; late ones included */
     uint64_t lost;                     /* gaps in sequence numbers or message codes */
     uint64_t reordered, duplicates;    /* both also count as rejected: late */
@@ -57,17 +64,23 @@ struct intake {
     uint64_t seen; /* bit k: sequence - k was received */
     struct sender_clock clock;
     struct canaerospace can;
-    double agl_m; /* of the newest FlightGear packet; NAN else */
+    struct dis_tracker dis;
+    struct xplane_subscription xplane;
+    double agl_m; /* of the newest packet of FlightGear or X-Plane; NAN else */
 };
 
 void intake_init(struct intake *intake, const struct intake_params *params);
 
-/* Takes one datagram. Returns 1 with a pose whose height is above the ellipsoid, or -EBADMSG. */
+/* Takes one datagram. Returns 1 with a pose whose height is above the ellipsoid, 0 where it is not
+ * about own-ship, or -EBADMSG. */
 int intake_packet(struct intake *intake, const void *data, size_t size, nsec_t receive_ns,
                   struct pose *ret_pose, struct rejection *ret_rejection);
 
 /* Takes one CAN frame. Returns 1, 0 where there is no new pose yet, or -EBADMSG. */
 int intake_frame(struct intake *intake, const struct can_frame *frame, nsec_t receive_ns,
                  struct pose *ret_pose, struct rejection *ret_rejection);
+
+/* Where a protocol that dead-reckons has own-ship at `now_ns`, though nothing came (DIS). */
+bool intake_carry(const struct intake *intake, nsec_t now_ns, struct pose *ret_pose);
 
 uint64_t intake_rejected_total(const struct intake_counters *counters);
