@@ -91,6 +91,9 @@ static void check_address(struct document *document, yaml_node_t *node, const ch
                           shown, text);
 }
 
+/* A state comes every five seconds at the least; IEEE 1278.1 gives up after 2.4 times that. */
+#define DIS_TIMEOUT_MS 12000
+
 /* One source on its way through the checks. */
 struct source_check {
     struct document *document;
@@ -129,6 +132,24 @@ static void settle_source(const struct source_check *check)
         strcpy(source->interface, "can0");
     if (!is_bus(source) && !document_get(check->document, check->node, "listen", NULL))
         strcpy(source->listen, ports[source->type]);
+    if (source->type == CONFIG_SOURCE_XPLANE &&
+        !document_get(check->document, check->node, "subscribe", NULL))
+        strcpy(source->subscribe, "127.0.0.1:49000");
+    if (source->type == CONFIG_SOURCE_DIS &&
+        !document_get(check->document, check->node, "timeout_ms", NULL))
+        source->timeout_ms = DIS_TIMEOUT_MS;
+}
+
+/* Whoever is asked to send may send. */
+static void allow_subscribed(struct config_source *source)
+{
+    union address address;
+    const char *host = source->subscribe[0] == '[' ? source->subscribe + 1 : source->subscribe;
+    const char *end = strrchr(host, ':');
+    if (address_parse(source->subscribe, &address, NULL) < 0 || !end)
+        return;
+    size_t length = (size_t)(end - host) - (host != source->subscribe);
+    memcpy(source->allow[source->allow_count++].range, host, length);
 }
 
 static int settle_allow(const struct source_check *check)
@@ -136,12 +157,13 @@ static int settle_allow(const struct source_check *check)
     struct config_source *source = check->source;
     if (is_bus(source) || document_get(check->document, check->node, "allow", NULL))
         return 0;
-    source->allow = calloc(2, sizeof(*source->allow));
+    source->allow = calloc(3, sizeof(*source->allow));
     if (!source->allow)
         return -ENOMEM;
     strcpy(source->allow[0].range, "127.0.0.0/8");
     strcpy(source->allow[1].range, "::1");
     source->allow_count = 2;
+    allow_subscribed(source);
     return 0;
 }
 
@@ -183,6 +205,39 @@ static void check_allow(const struct source_check *check)
     }
 }
 
+static void check_xplane(const struct source_check *check)
+{
+    const struct config_source *source = check->source;
+    char shown[64];
+    if (source->type != CONFIG_SOURCE_XPLANE) {
+        refuse_key(check, "subscribe", "sends without being asked");
+        refuse_key(check, "rate_hz", "sends without being asked");
+        return;
+    }
+    snprintf(shown, sizeof(shown), "sources[%u].subscribe", check->index);
+    if (source->subscribe[0])
+        check_address(check->document,
+                      document_get(check->document, check->node, "subscribe", NULL), shown,
+                      source->subscribe);
+}
+
+static void check_dis(const struct source_check *check)
+{
+    struct config_source *source = check->source;
+    if (source->type != CONFIG_SOURCE_DIS) {
+        refuse_key(check, "entity", "knows one aircraft only");
+        refuse_key(check, "exercise", "knows no exercises");
+    } else if (dis_id_parse(source->entity, &source->entity_id) < 0) {
+        document_complain(check->document,
+                          document_get(check->document, check->node, "entity", NULL),
+                          "sources[%u].entity is '%s'; it must be SITE:APPLICATION:ENTITY, like "
+                          "1:1:1",
+                          check->index, source->entity);
+    }
+    if (source->type == CONFIG_SOURCE_DIS && source->altitude == CONFIG_ALTITUDE_EGM96)
+        refuse_key(check, "altitude", "tells places from the Earth's centre, not altitudes");
+}
+
 static void check_wire(const struct source_check *check)
 {
     const struct config_source *source = check->source;
@@ -198,6 +253,8 @@ static void check_wire(const struct source_check *check)
                       shown, source->listen);
         check_allow(check);
     }
+    check_xplane(check);
+    check_dis(check);
     if (source->type == CONFIG_SOURCE_CIGI)
         return;
     refuse_key(check, "reply", "sends no replies");
@@ -227,8 +284,7 @@ static void check_duplicates(const struct source_check *check)
 
 static bool is_supported(enum config_source_type type)
 {
-    return type == CONFIG_SOURCE_NATIVE || type == CONFIG_SOURCE_FLIGHTGEAR ||
-           type == CONFIG_SOURCE_CANAEROSPACE;
+    return type != CONFIG_SOURCE_CIGI;
 }
 
 static int check_source(struct source_check *check)
@@ -245,7 +301,7 @@ static int check_source(struct source_check *check)
     if (!is_supported(check->source->type))
         document_complain(check->document, document_get(check->document, check->node, "type", NULL),
                           "sources[%u].type: %s is not supported by this version; use native, "
-                          "flightgear or canaerospace",
+                          "flightgear, xplane, dis or canaerospace",
                           check->index, type);
     check_wire(check);
     check_duplicates(check);

@@ -9,6 +9,7 @@
 
 #include "base/clock.h"
 #include "io/address.h"
+#include "io/dis.h"
 
 #define CONFIG_NAME_MAX      32
 #define CONFIG_PATH_MAX      1024
@@ -86,9 +87,9 @@ enum config_source_type {
     CONFIG_SOURCE_NATIVE,
     CONFIG_SOURCE_FLIGHTGEAR,
     CONFIG_SOURCE_CANAEROSPACE,
-    CONFIG_SOURCE_CIGI,   /* refused by this version */
-    CONFIG_SOURCE_XPLANE, /* refused by this version */
-    CONFIG_SOURCE_DIS,    /* refused by this version */
+    CONFIG_SOURCE_CIGI, /* refused by this version */
+    CONFIG_SOURCE_XPLANE,
+    CONFIG_SOURCE_DIS,
 };
 
 enum config_altitude {
@@ -111,6 +112,11 @@ struct config_source {
     char interface[CONFIG_INTERFACE_MAX]; /* CAN: "can0" or "sim:PATH"; empty for UDP */
     unsigned priority;                    /* 1 is best; where not given: the position in the list */
     unsigned timeout_ms;                  /* silence after which the source counts as lost */
+    char subscribe[ADDRESS_TEXT_MAX];     /* xplane only: who is asked to send; empty: nobody */
+    unsigned rate_hz;                     /* what it is asked for */
+    char entity[CONFIG_NAME_MAX];         /* dis only */
+    struct dis_id entity_id;              /* the same */
+    unsigned exercise;                    /* dis only; 0 = any */
     enum config_altitude altitude;
     struct config_allow *allow; /* allow_count of them, owned; loopback where not given */
     unsigned allow_count;

@@ -61,7 +61,7 @@ static const struct argp_option known[] = {
      "write latitude, longitude and height of every pixel as DIR/frame-%06d.tif", 0},
     {"report", OPT_REPORT, "DIR", 0, "write report.json, frames.csv and report.html", 0},
     {"protocol", OPT_PROTOCOL, "NAME", 0,
-     "of a pcap: native or flightgear (default: found out packet by packet)", 0},
+     "of a pcap: native, flightgear, xplane or dis (default: found out packet by packet)", 0},
     {"json", OPT_JSON, NULL, 0, "print the report as JSON", 0},
     {"quiet", 'q', NULL, 0, "print errors only", 0},
     {0},
@@ -147,7 +147,8 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
     case OPT_PROTOCOL:
         options->force_protocol = true;
         if (pose_protocol_from_name(argument, &options->protocol) < 0)
-            argp_error(state, "--protocol takes native or flightgear, not \"%s\"", argument);
+            argp_error(state, "--protocol takes native, flightgear, xplane or dis, not \"%s\"",
+                       argument);
         return 0;
     case OPT_JSON:
         options->json = true;
@@ -177,6 +178,16 @@ static error_t parse_config_only(int key, char *argument, struct argp_state *sta
 
 static const struct argp config_parser = {.options = known, .parser = parse_config_only};
 
+/* The entity of the first DIS source in the configuration. */
+static struct dis_filter dis_entity(const struct config *config)
+{
+    for (unsigned i = 0; i < config->sources_count; i++)
+        if (config->sources[i].type == CONFIG_SOURCE_DIS)
+            return (struct dis_filter){.exercise = config->sources[i].exercise,
+                                       .id = config->sources[i].entity_id};
+    return (struct dis_filter){0};
+}
+
 static int load_flight(const struct replay_options *options, struct flight **ret_flight,
                        struct diag *diag)
 {
@@ -186,7 +197,8 @@ static int load_flight(const struct replay_options *options, struct flight **ret
         return r;
     struct flight_params params = {.geoid = geoid_function_of(geoid),
                                    .force_protocol = options->force_protocol,
-                                   .protocol = options->protocol};
+                                   .protocol = options->protocol,
+                                   .dis = dis_entity(&options->config)};
     r = flight_load(options->flight, &params, ret_flight, diag);
     if (r == 0 && (*ret_flight)->note.text[0] && !options->quiet)
         fprintf(stderr, "otwd: %s\n", (*ret_flight)->note.text);

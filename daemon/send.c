@@ -32,7 +32,7 @@ static atomic_bool stopping;
 static const struct argp_option known[] = {
     {"to", OPT_TO, "URL", 0, "udp://HOST:PORT, can:INTERFACE or sim:PATH", 0},
     {"protocol", OPT_PROTOCOL, "NAME", 0,
-     "native, flightgear or canaerospace (default: native, "
+     "native, flightgear, xplane, dis or canaerospace (default: native, "
      "over CAN canaerospace)",
      0},
     {"rate", OPT_RATE, "HZ", 0, "poses a second (default 60)", 0},
@@ -59,7 +59,9 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
         return 0;
     case OPT_PROTOCOL:
         if (pose_protocol_from_name(argument, &params->protocol) < 0)
-            argp_error(state, "--protocol takes native, flightgear or canaerospace, not \"%s\"",
+            argp_error(state,
+                       "--protocol takes native, flightgear, xplane, dis or canaerospace, not "
+                       "\"%s\"",
                        argument);
         return 0;
     case OPT_RATE:

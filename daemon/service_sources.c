@@ -8,8 +8,9 @@
 
 #include "daemon/geoid_function.h"
 
-#define RETRY_NS NSEC_PER_SEC
-#define HOLD_NS  (2 * NSEC_PER_SEC) /* how long a refusal or a failed read counts as a fault */
+#define RETRY_NS           NSEC_PER_SEC
+#define CARRIED_SILENCE_NS (250 * NSEC_PER_MSEC)
+#define HOLD_NS            (2 * NSEC_PER_SEC) /* how long a refusal or a failed read counts as a fault */
 
 struct pose_policy config_pose_policy(const struct config *config)
 {
@@ -27,12 +28,15 @@ struct intake_params config_intake(const struct config_source *source, struct ge
         [CONFIG_SOURCE_NATIVE] = POSE_PROTOCOL_NATIVE,
         [CONFIG_SOURCE_FLIGHTGEAR] = POSE_PROTOCOL_FLIGHTGEAR,
         [CONFIG_SOURCE_CANAEROSPACE] = POSE_PROTOCOL_CANAEROSPACE,
+        [CONFIG_SOURCE_XPLANE] = POSE_PROTOCOL_XPLANE,
+        [CONFIG_SOURCE_DIS] = POSE_PROTOCOL_DIS,
     };
     return (struct intake_params){
         .protocol = protocols[source->type],
         .force_datum = source->altitude != CONFIG_ALTITUDE_DEFAULT,
         .datum = source->altitude == CONFIG_ALTITUDE_EGM96 ? ALTITUDE_EGM96 : ALTITUDE_ELLIPSOID,
         .geoid = geoid_function_of(geoid),
+        .dis = {.exercise = source->exercise, .id = source->entity_id},
     };
 }
 
@@ -144,6 +148,8 @@ static int open_source(struct source_slot *slot, struct diag *diag)
         .intake = config_intake(config, slot->service->geoid),
         .priority = config->priority,
         .timeout_ns = config->timeout_ms * NSEC_PER_MSEC,
+        .subscribe = config->subscribe,
+        .rate_hz = config->rate_hz,
         .allow = allow,
         .allow_count = config->allow_count,
     };
@@ -254,6 +260,13 @@ static void on_switch(void *context, int from, int to)
     log_notice("%s drives, before it %s", name_of(service, to), name_of(service, from));
 }
 
+/* How long a source may give no pose. One of DIS gives some until its entity counts as lost. */
+static nsec_t silence_ns(const struct config_source *config)
+{
+    return config->type == CONFIG_SOURCE_DIS ? CARRIED_SILENCE_NS
+                                             : config->timeout_ms * NSEC_PER_MSEC;
+}
+
 void sources_init(struct service *service)
 {
     arbiter_init(&service->arbiter, on_switch, service);
@@ -261,7 +274,7 @@ void sources_init(struct service *service)
     for (unsigned i = 0; i < service->config.sources_count; i++) {
         const struct config_source *config = &service->config.sources[i];
         service->slots[i] = (struct source_slot){.service = service, .config = config, .index = i};
-        arbiter_add(&service->arbiter, config->priority, config->timeout_ms * NSEC_PER_MSEC);
+        arbiter_add(&service->arbiter, config->priority, silence_ns(config));
         if (service->recorder)
             otwlog_add_source(recorder_writer(service->recorder), i,
                               config_intake(config, NULL).protocol, config->name,

@@ -1,6 +1,8 @@
 #include "io/dis.h"
 
+#include <errno.h>
 #include <math.h>
+#include <stdlib.h>
 
 #include "base/bytes.h"
 #include "geo/geographic.h"
@@ -14,6 +16,23 @@
 #define PLACE_LEAST_M 6.3e6 /* from the centre: deeper than any sea at the poles */
 #define PLACE_MOST_M  1e8
 #define ACCEL_MOST    1e5 /* m/s^2 */
+
+int dis_id_parse(const char *text, struct dis_id *ret_id)
+{
+    uint16_t numbers[3];
+    for (int i = 0; i < 3; i++) {
+        char *end;
+        unsigned long number = strtoul(text, &end, 10);
+        if (*text < '0' || *text > '9' || number > UINT16_MAX || *end != (i < 2 ? ':' : '\0'))
+            return -EINVAL;
+        numbers[i] = (uint16_t)number;
+        text = end + 1;
+    }
+    if (!numbers[0] && !numbers[1] && !numbers[2])
+        return -EINVAL;
+    *ret_id = (struct dis_id){numbers[0], numbers[1], numbers[2]};
+    return 0;
+}
 
 bool dis_recognises(const void *data, size_t size)
 {

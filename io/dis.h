@@ -14,6 +14,10 @@ struct dis_id {
     uint16_t site, application, entity;
 };
 
+/* "SITE:APPLICATION:ENTITY", three numbers of at most 65535, not all of them 0. Returns 0 or
+ * -EINVAL. */
+int dis_id_parse(const char *text, struct dis_id *ret_id);
+
 /* What is listened to. */
 struct dis_filter {
     unsigned exercise; /* 0 = any */

@@ -254,7 +254,8 @@ static int pcap_read(const struct flight_input *input, const struct flight_param
         return r;
     for (int i = 0; i < POSE_PROTOCOLS; i++)
         intake_init(&c.intakes[i], &(struct intake_params){.protocol = (enum pose_protocol)i,
-                                                           .geoid = params->geoid});
+                                                           .geoid = params->geoid,
+                                                           .dis = params->dis});
     r = read_records(&c, params, flight, diag);
     for (int i = 0; i < POSE_PROTOCOLS; i++)
         add_counters(&flight->counters, &c.intakes[i].counters);

@@ -141,6 +141,38 @@ static void a_key_that_is_given_is_used_and_its_neighbours_keep_their_defaults(v
     config_errors_finish(&errors);
 }
 
+static void each_protocol_has_its_own_defaults(void)
+{
+    struct config c;
+    struct config_errors errors;
+    CHECK_INT(load("sources:\n"
+                   "- {type: xplane}\n"
+                   "- {type: xplane, listen: \"0.0.0.0:1\", subscribe: \"[fe80::1]:49000\"}\n"
+                   "- {type: xplane, listen: \"127.0.0.1:2\", subscribe: \"\", rate_hz: 30}\n"
+                   "- {type: dis}\n"
+                   "- {type: dis, listen: \"127.0.0.1:3\", entity: 7:65535:9, exercise: 4}\n",
+                   &c, &errors),
+              0);
+    CHECK_STRING(c.sources[0].listen, "127.0.0.1:49003");
+    CHECK_STRING(c.sources[0].subscribe, "127.0.0.1:49000");
+    CHECK_INT(c.sources[0].rate_hz, 60);
+    CHECK_INT(c.sources[0].timeout_ms, 500);
+    CHECK_INT(c.sources[0].allow_count, 3);
+    CHECK_STRING(c.sources[1].allow[2].range, "fe80::1"); /* who is asked may answer */
+    CHECK_STRING(c.sources[2].subscribe, "");
+    CHECK_INT(c.sources[2].rate_hz, 30);
+    CHECK_INT(c.sources[2].allow_count, 2);
+    CHECK_STRING(c.sources[3].listen, "127.0.0.1:3000");
+    CHECK_INT(c.sources[3].timeout_ms, 12000);
+    CHECK_INT(c.sources[3].entity_id.site, 1);
+    CHECK_INT(c.sources[3].exercise, 0);
+    CHECK_INT(c.sources[4].entity_id.application, 65535);
+    CHECK_INT(c.sources[4].entity_id.entity, 9);
+    CHECK_INT(c.sources[4].exercise, 4);
+    config_finish(&c);
+    config_errors_finish(&errors);
+}
+
 static void an_empty_list_of_sources_is_obeyed(void)
 {
     struct config c;
@@ -153,7 +185,8 @@ static void an_empty_list_of_sources_is_obeyed(void)
 
 static void the_examples_load(void)
 {
-    static const char *const names[] = {"minimal", "flightgear", "canaerospace", "full"};
+    static const char *const names[] = {"minimal", "flightgear",   "xplane",
+                                        "dis",     "canaerospace", "full"};
     for (size_t i = 0; i < sizeof(names) / sizeof(names[0]); i++) {
         char path[1024];
         struct config c = {0};
@@ -262,8 +295,8 @@ static void sources_that_contradict_themselves_or_each_other_are_named(void)
 {
     static const struct bad bad[] = {
         {"sources:\n- {name: a, type: cigi, version: 4.0}\n",
-         "2:19: sources[0].type: cigi is not supported by this version; use native, flightgear or "
-         "canaerospace"},
+         "2:19: sources[0].type: cigi is not supported by this version; use native, flightgear, "
+         "xplane, dis or canaerospace"},
         {"sources:\n- {name: a, listen: \"127.0.0.1:1\"}\n- {name: a, listen: \"127.0.0.1:2\"}\n",
          "3:10: sources[1].name: 'a' is already the name of sources[0]"},
         {"sources:\n- {name: a, listen: \"127.0.0.1:1\"}\n- {name: b, listen: \"127.0.0.1:1\"}\n",
@@ -288,6 +321,21 @@ static void sources_that_contradict_themselves_or_each_other_are_named(void)
          "network like 192.168.1.0/24"},
         {"sources: [{allow: []}]\n",
          "1:19: sources[0].allow is empty; list the senders, or 0.0.0.0/0 and ::/0 for anyone"},
+        {"sources: [{type: xplane, subscribe: here}]\n",
+         "1:37: sources[0].subscribe is 'here'; it must be a numeric address and a port, like "
+         "127.0.0.1:5500 or [::1]:5500"},
+        {"sources: [{type: native, subscribe: \"127.0.0.1:49000\"}]\n",
+         "1:26: sources[0].subscribe: native sends without being asked"},
+        {"sources: [{type: xplane, rate_hz: 100}]\n",
+         "1:35: sources[0].rate_hz is 100; it must lie between 1 and 99 Hz"},
+        {"sources:\n- type: dis\n  entity: 1:2\n",
+         "3:11: sources[0].entity is '1:2'; it must be SITE:APPLICATION:ENTITY, like 1:1:1"},
+        {"sources: [{type: dis, entity: \"0:0:0\"}]\n",
+         "1:31: sources[0].entity is '0:0:0'; it must be SITE:APPLICATION:ENTITY, like 1:1:1"},
+        {"sources: [{type: dis, altitude: egm96}]\n",
+         "1:23: sources[0].altitude: dis tells places from the Earth's centre, not altitudes"},
+        {"sources: [{type: flightgear, exercise: 1}]\n",
+         "1:30: sources[0].exercise: flightgear knows no exercises"},
         {"sources: [{timeout_ms: 5}]\n",
          "1:24: sources[0].timeout_ms is 5; it must lie between 10 and 60000 ms"},
     };
@@ -427,6 +475,7 @@ int main(void)
          no_file_an_empty_file_and_comments_give_the_defaults},
         {"a key that is given is used and its neighbours keep their defaults",
          a_key_that_is_given_is_used_and_its_neighbours_keep_their_defaults},
+        {"each protocol has its own defaults", each_protocol_has_its_own_defaults},
         {"an empty list of sources is obeyed", an_empty_list_of_sources_is_obeyed},
         {"the examples load", the_examples_load},
         {"unknown and repeated keys are named", unknown_and_repeated_keys_are_named},
