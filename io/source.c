@@ -75,15 +75,14 @@ static void follow_bus(struct pose_source *source)
 
 static int open_can(struct pose_source *source, const char *url, struct diag *diag)
 {
-    uint32_t ids[CANAEROSPACE_PARAMETERS + 1];
-    for (int i = 0; i < CANAEROSPACE_PARAMETERS; i++)
-        ids[i] = canaerospace_id((enum canaerospace_parameter)i);
-    ids[CANAEROSPACE_PARAMETERS] = ID_IDENTIFY;
+    uint32_t ids[CAN_QUANTITIES + 1];
+    for (int i = 0; i < CAN_QUANTITIES; i++)
+        ids[i] = canaerospace_id((enum can_quantity)i);
+    ids[CAN_QUANTITIES] = ID_IDENTIFY;
     int r = open_timer(source, diag);
     if (r < 0)
         return r;
-    struct can_bus_params params = {
-        .ids = ids, .id_count = CANAEROSPACE_PARAMETERS + 1, .serve = true};
+    struct can_bus_params params = {.ids = ids, .id_count = CAN_QUANTITIES + 1, .serve = true};
     r = can_bus_create(url, &params, &source->bus, diag);
     if (r >= 0)
         follow_bus(source);
