@@ -23,6 +23,7 @@ static const char *const protocol_names[POSE_PROTOCOLS] = {
     [POSE_PROTOCOL_CANAEROSPACE] = "canaerospace",
     [POSE_PROTOCOL_XPLANE] = "xplane",
     [POSE_PROTOCOL_DIS] = "dis",
+    [POSE_PROTOCOL_CAN_TABLE] = "can-table",
 };
 
 const char *pose_protocol_name(enum pose_protocol protocol)
@@ -43,7 +44,7 @@ int pose_protocol_from_name(const char *name, enum pose_protocol *ret_protocol)
 
 bool pose_protocol_is_can(enum pose_protocol protocol)
 {
-    return protocol == POSE_PROTOCOL_CANAEROSPACE;
+    return protocol == POSE_PROTOCOL_CANAEROSPACE || protocol == POSE_PROTOCOL_CAN_TABLE;
 }
 
 void sample_to_ellipsoid(struct pose_sample *sample, const struct geoid_function *geoid)
@@ -241,15 +242,40 @@ int intake_packet(struct intake *intake, const void *data, size_t size, nsec_t r
 int intake_frame(struct intake *intake, const struct can_frame *frame, nsec_t receive_ns,
                  struct pose *ret_pose, struct rejection *ret_rejection)
 {
-    assert(intake->params.protocol == POSE_PROTOCOL_CANAEROSPACE);
+    assert(pose_protocol_is_can(intake->params.protocol));
     struct pose_sample sample;
     struct rejection rejection;
-    int r = canaerospace_take(&intake->can, frame, receive_ns, &sample, &rejection);
-    intake->counters.received = intake->can.frames;
-    intake->counters.lost = intake->can.lost;
+    int r;
+    if (intake->params.protocol == POSE_PROTOCOL_CANAEROSPACE) {
+        r = canaerospace_take(&intake->can, frame, receive_ns, &sample, &rejection);
+        intake->counters.received = intake->can.frames;
+        intake->counters.lost = intake->can.lost;
+    } else {
+        bool ours;
+        r = can_table_take(&intake->params.table, &intake->assembly, frame, receive_ns, &ours,
+                           &sample, &rejection);
+        intake->counters.received += ours;
+    }
     if (r > 0)
         r = accept(intake, &sample, receive_ns, ret_pose, &rejection);
     return counted(intake, r, &rejection, ret_rejection);
+}
+
+size_t intake_can_ids(const struct intake_params *params, uint32_t ret_ids[INTAKE_IDS_MAX])
+{
+    _Static_assert(CAN_QUANTITIES <= INTAKE_IDS_MAX, "each quantity has an identifier");
+    bool table = params->protocol == POSE_PROTOCOL_CAN_TABLE;
+    size_t total = table ? params->table.count : CAN_QUANTITIES, count = 0;
+    for (size_t i = 0; i < total; i++) {
+        uint32_t id =
+            table ? params->table.fields[i].can_id : canaerospace_id((enum can_quantity)i);
+        size_t k = 0;
+        while (k < count && ret_ids[k] != id)
+            k++;
+        if (k == count)
+            ret_ids[count++] = id;
+    }
+    return count;
 }
 
 bool intake_carry(const struct intake *intake, nsec_t now_ns, struct pose *ret_pose)

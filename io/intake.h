@@ -2,6 +2,7 @@
  * flight run the same code. Pure but for the geoid it is given; one thread at a time. */
 #pragma once
 
+#include "io/can_table.h"
 #include "io/canaerospace.h"
 #include "io/dis_tracker.h"
 #include "io/xplane.h"
@@ -12,10 +13,11 @@ enum pose_protocol {
     POSE_PROTOCOL_CANAEROSPACE,
     POSE_PROTOCOL_XPLANE,
     POSE_PROTOCOL_DIS,
+    POSE_PROTOCOL_CAN_TABLE,
     POSE_PROTOCOLS
 };
 
-/* "native", "flightgear", "canaerospace", "xplane", "dis". */
+/* "native", "flightgear", "canaerospace", "xplane", "dis", "can-table". */
 const char *pose_protocol_name(enum pose_protocol protocol);
 /* Returns 0, or -EINVAL for another name. */
 int pose_protocol_from_name(const char *name, enum pose_protocol *ret_protocol);
@@ -37,6 +39,7 @@ struct intake_params {
     enum altitude_datum datum;
     struct geoid_function geoid; /* required */
     struct dis_filter dis;       /* whom a DIS source follows */
+    struct can_table table;      /* of POSE_PROTOCOL_CAN_TABLE */
 };
 
 struct intake_counters {
@@ -64,6 +67,7 @@ struct intake {
     uint64_t seen; /* bit k: sequence - k was received */
     struct sender_clock clock;
     struct canaerospace can;
+    struct can_assembly assembly; /* of POSE_PROTOCOL_CAN_TABLE */
     struct dis_tracker dis;
     struct xplane_subscription xplane;
     double agl_m; /* of the newest packet of FlightGear or X-Plane; NAN else */
@@ -79,6 +83,11 @@ int intake_packet(struct intake *intake, const void *data, size_t size, nsec_t r
 /* Takes one CAN frame. Returns 1, 0 where there is no new pose yet, or -EBADMSG. */
 int intake_frame(struct intake *intake, const struct can_frame *frame, nsec_t receive_ns,
                  struct pose *ret_pose, struct rejection *ret_rejection);
+
+/* The identifiers of the frames that a protocol of CAN reads, without repetition, with CAN_EFF_FLAG
+ * where they have 29 bits. Returns how many. */
+#define INTAKE_IDS_MAX CAN_TABLE_MAX
+size_t intake_can_ids(const struct intake_params *params, uint32_t ret_ids[INTAKE_IDS_MAX]);
 
 /* Where a protocol that dead-reckons has own-ship at `now_ns`, though nothing came (DIS). */
 bool intake_carry(const struct intake *intake, nsec_t now_ns, struct pose *ret_pose);

@@ -179,6 +179,8 @@ static int check_params(const struct send_params *p, double rate_hz, double spee
                         double duration_s, struct diag *diag)
 {
     assert(p->geoid.undulation_m);
+    if (p->protocol == POSE_PROTOCOL_CAN_TABLE)
+        return diag_set(diag, -EINVAL, "can-table is not a protocol to send");
     if (!(rate_hz > 0.0 && rate_hz <= RATE_MAX_HZ))
         return diag_set(diag, -EINVAL, "a rate of %g Hz is not within 0 to %g", rate_hz,
                         RATE_MAX_HZ);

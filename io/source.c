@@ -35,6 +35,7 @@ struct pose_source {
     union address asked; /* X-Plane, where it subscribes */
     unsigned rate_hz;
     nsec_t accepted_ns; /* when a state last came, to carry forward; 0 = never */
+    bool identifies;    /* answers the identification service */
     uint8_t can_node;
     nsec_t trouble_ns; /* when the last sentence was given */
     uint64_t untold;   /* sentences held back since */
@@ -75,14 +76,14 @@ static void follow_bus(struct pose_source *source)
 
 static int open_can(struct pose_source *source, const char *url, struct diag *diag)
 {
-    uint32_t ids[CAN_QUANTITIES + 1];
-    for (int i = 0; i < CAN_QUANTITIES; i++)
-        ids[i] = canaerospace_id((enum can_quantity)i);
-    ids[CAN_QUANTITIES] = ID_IDENTIFY;
+    uint32_t ids[INTAKE_IDS_MAX + 1];
+    size_t count = intake_can_ids(&source->intake.params, ids);
+    if (source->identifies)
+        ids[count++] = ID_IDENTIFY;
     int r = open_timer(source, diag);
     if (r < 0)
         return r;
-    struct can_bus_params params = {.ids = ids, .id_count = CAN_QUANTITIES + 1, .serve = true};
+    struct can_bus_params params = {.ids = ids, .id_count = count, .serve = true};
     r = can_bus_create(url, &params, &source->bus, diag);
     if (r >= 0)
         follow_bus(source);
@@ -155,6 +156,7 @@ int pose_source_open(const struct pose_source_params *params, struct pose_source
     source->rate_hz = params->rate_hz ? params->rate_hz : RATE_DEFAULT_HZ;
     source->burst = params->burst ? params->burst : BURST_DEFAULT;
     source->can_node = params->can_node ? params->can_node : NODE_DEFAULT;
+    source->identifies = params->transmit && params->intake.protocol == POSE_PROTOCOL_CANAEROSPACE;
     intake_init(&source->intake, &params->intake);
     int r = open_parts(source, params, diag);
     if (r != 0)
@@ -343,7 +345,7 @@ static void dispatch_can(struct pose_source *source, nsec_t now_ns,
             tell(source, now_ns, events, diag.text);
         if (r <= 0)
             break;
-        if (canaerospace_identify(&frame, source->can_node, &answer)) {
+        if (source->identifies && canaerospace_identify(&frame, source->can_node, &answer)) {
             can_bus_send(source->bus, &answer);
             continue;
         }

@@ -12,7 +12,7 @@
 
 struct pose_source_params {
     const char *name;     /* copied */
-    const char *endpoint; /* "ADDRESS:PORT", or for CANaerospace "can:INTERFACE" or "sim:PATH" */
+    const char *endpoint; /* "ADDRESS:PORT", or on CAN "can:INTERFACE" or "sim:PATH" */
     const char
         *subscribe;   /* X-Plane's "ADDRESS:PORT", which is asked to send; NULL or empty: none */
     unsigned rate_hz; /* what it is asked for; 0 = 60 */
@@ -23,7 +23,8 @@ struct pose_source_params {
     const char *const *allow; /* senders: addresses and networks; none = whoever reaches it */
     size_t allow_count;
     unsigned burst;   /* packets taken in one dispatch, so that a flood starves nobody; 0 = 256 */
-    uint8_t can_node; /* our node number for the identification service; 0 = 64 */
+    bool transmit;    /* on CANaerospace: answer the identification service; else only listen */
+    uint8_t can_node; /* our node number there; 0 = 64 */
 };
 
 struct pose_source;

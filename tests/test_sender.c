@@ -153,10 +153,14 @@ static void impossible_wishes_are_named(void)
         struct send_params params;
         const char *says;
     } cases[] = {
-        {{.rate_hz = -1}, "rate of -1 Hz"},     {{.rate_hz = NAN}, "rate of"},
-        {{.speed = -1}, "speed of -1"},         {{.speed = 1e-12}, "more than 2e+07 poses"},
-        {{.jitter_ms = -1}, "jitter of -1 ms"}, {{.loss = 1.5}, "loss 1.5"},
+        {{.rate_hz = -1}, "rate of -1 Hz"},
+        {{.rate_hz = NAN}, "rate of"},
+        {{.speed = -1}, "speed of -1"},
+        {{.speed = 1e-12}, "more than 2e+07 poses"},
+        {{.jitter_ms = -1}, "jitter of -1 ms"},
+        {{.loss = 1.5}, "loss 1.5"},
         {{.reorder = NAN}, "reorder"},
+        {{.protocol = POSE_PROTOCOL_CAN_TABLE}, "can-table is not a protocol to send"},
     };
     struct flight *flight = load_flight();
     for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
@@ -251,7 +255,7 @@ static void what_is_sent_arrives(void)
     char scratch[] = "/tmp/otwd-send-XXXXXX", bus[64];
     CHECK(mkdtemp(scratch) != NULL);
     snprintf(bus, sizeof(bus), "sim:%s/bus", scratch);
-    for (int protocol = 0; protocol < POSE_PROTOCOLS; protocol++) {
+    for (int protocol = 0; protocol < POSE_PROTOCOL_CAN_TABLE; protocol++) {
         struct pose last = {0};
         struct sending sending;
         uint64_t accepted =
