@@ -1,6 +1,6 @@
 /* What no single key shows. Every check finds its place in the document again by name, so that the
  * complaint stands at the line that the operator has to change. */
-#include "config/document.h"
+#include "config/check_can.h"
 
 #include <errno.h>
 #include <math.h>
@@ -111,26 +111,32 @@ static void refuse_key(const struct source_check *check, const char *key, const 
                           config_source_type_name(check->source->type), why);
 }
 
-static bool is_bus(const struct config_source *source)
+bool config_source_is_bus(const struct config_source *source)
 {
-    return source->type == CONFIG_SOURCE_CANAEROSPACE;
+    return source->type == CONFIG_SOURCE_CANAEROSPACE || source->type == CONFIG_SOURCE_CAN_TABLE;
 }
 
 static void settle_source(const struct source_check *check)
 {
     static const char *const ports[] = {
-        [CONFIG_SOURCE_NATIVE] = "127.0.0.1:5600", [CONFIG_SOURCE_FLIGHTGEAR] = "127.0.0.1:5500",
-        [CONFIG_SOURCE_CIGI] = "127.0.0.1:8004",   [CONFIG_SOURCE_XPLANE] = "127.0.0.1:49003",
-        [CONFIG_SOURCE_DIS] = "127.0.0.1:3000",    [CONFIG_SOURCE_CANAEROSPACE] = "",
+        [CONFIG_SOURCE_NATIVE] = "127.0.0.1:5600",
+        [CONFIG_SOURCE_FLIGHTGEAR] = "127.0.0.1:5500",
+        [CONFIG_SOURCE_CIGI] = "127.0.0.1:8004",
+        [CONFIG_SOURCE_XPLANE] = "127.0.0.1:49003",
+        [CONFIG_SOURCE_DIS] = "127.0.0.1:3000",
+        [CONFIG_SOURCE_CANAEROSPACE] = "",
+        [CONFIG_SOURCE_CAN_TABLE] = "",
     };
     struct config_source *source = check->source;
     if (!document_get(check->document, check->node, "name", NULL))
         snprintf(source->name, sizeof(source->name), "source%u", check->index + 1);
     if (!document_get(check->document, check->node, "priority", NULL))
         source->priority = check->index + 1;
-    if (is_bus(source) && !document_get(check->document, check->node, "interface", NULL))
+    if (config_source_is_bus(source) &&
+        !document_get(check->document, check->node, "interface", NULL))
         strcpy(source->interface, "can0");
-    if (!is_bus(source) && !document_get(check->document, check->node, "listen", NULL))
+    if (!config_source_is_bus(source) &&
+        !document_get(check->document, check->node, "listen", NULL))
         strcpy(source->listen, ports[source->type]);
     if (source->type == CONFIG_SOURCE_XPLANE &&
         !document_get(check->document, check->node, "subscribe", NULL))
@@ -155,7 +161,7 @@ static void allow_subscribed(struct config_source *source)
 static int settle_allow(const struct source_check *check)
 {
     struct config_source *source = check->source;
-    if (is_bus(source) || document_get(check->document, check->node, "allow", NULL))
+    if (config_source_is_bus(source) || document_get(check->document, check->node, "allow", NULL))
         return 0;
     source->allow = calloc(3, sizeof(*source->allow));
     if (!source->allow)
@@ -238,11 +244,22 @@ static void check_dis(const struct source_check *check)
         refuse_key(check, "altitude", "tells places from the Earth's centre, not altitudes");
 }
 
+static void check_can(const struct source_check *check)
+{
+    struct config_source *source = check->source;
+    if (source->type != CONFIG_SOURCE_CANAEROSPACE)
+        refuse_key(check, "allow_transmit", "has nothing to transmit");
+    if (source->type == CONFIG_SOURCE_CAN_TABLE)
+        document_check_can_table(check->document, check->node, check->index, source);
+    else
+        refuse_key(check, "fields", "defines its own fields");
+}
+
 static void check_wire(const struct source_check *check)
 {
     const struct config_source *source = check->source;
     char shown[64];
-    if (is_bus(source)) {
+    if (config_source_is_bus(source)) {
         refuse_key(check, "listen", "reads a CAN bus; give it an interface");
         refuse_key(check, "allow", "reads a CAN bus, which has no sender addresses");
         check_interface(check);
@@ -255,6 +272,7 @@ static void check_wire(const struct source_check *check)
     }
     check_xplane(check);
     check_dis(check);
+    check_can(check);
     if (source->type == CONFIG_SOURCE_CIGI)
         return;
     refuse_key(check, "reply", "sends no replies");
@@ -301,7 +319,7 @@ static int check_source(struct source_check *check)
     if (!is_supported(check->source->type))
         document_complain(check->document, document_get(check->document, check->node, "type", NULL),
                           "sources[%u].type: %s is not supported by this version; use native, "
-                          "flightgear, xplane, dis or canaerospace",
+                          "flightgear, xplane, dis, canaerospace or can-table",
                           check->index, type);
     check_wire(check);
     check_duplicates(check);
