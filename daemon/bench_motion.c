@@ -17,6 +17,7 @@ static const double rates_hz[] = {10.0, 20.0, 50.0, 60.0};
 
 /* Those that `otwd send` speaks. */
 static const enum pose_protocol protocols[] = {POSE_PROTOCOL_NATIVE, POSE_PROTOCOL_FLIGHTGEAR,
+                                               POSE_PROTOCOL_XPLANE, POSE_PROTOCOL_DIS,
                                                POSE_PROTOCOL_CANAEROSPACE};
 #define PROTOCOLS (sizeof(protocols) / sizeof(protocols[0]))
 

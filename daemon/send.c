@@ -37,7 +37,8 @@ static atomic_bool stopping;
 static const struct argp_option known[] = {
     {"to", OPT_TO, "URL", 0, "udp://HOST:PORT, can:INTERFACE or sim:PATH", 0},
     {"protocol", OPT_PROTOCOL, "NAME", 0,
-     "native, flightgear, canaerospace, cigi3 or cigi4 (default: native, over CAN canaerospace)",
+     "native, flightgear, xplane, dis, canaerospace, cigi3 or cigi4 (default: native, over CAN "
+     "canaerospace)",
      0},
     {"rate", OPT_RATE, "HZ", 0, "poses a second (default 60)", 0},
     {"speed", OPT_SPEED, "X", 0, "flight seconds a second (default 1)", 0},
@@ -95,7 +96,8 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
     case OPT_PROTOCOL:
         if (!parse_protocol(options, argument))
             argp_error(state,
-                       "--protocol takes native, flightgear, canaerospace, cigi3 or cigi4, not "
+                       "--protocol takes native, flightgear, xplane, dis, canaerospace, cigi3 or "
+                       "cigi4, not "
                        "\"%s\"",
                        argument);
         return 0;

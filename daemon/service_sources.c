@@ -8,8 +8,9 @@
 
 #include "daemon/geoid_function.h"
 
-#define RETRY_NS NSEC_PER_SEC
-#define HOLD_NS  (2 * NSEC_PER_SEC) /* how long a refusal or a failed read counts as a fault */
+#define RETRY_NS           NSEC_PER_SEC
+#define CARRIED_SILENCE_NS (250 * NSEC_PER_MSEC)
+#define HOLD_NS            (2 * NSEC_PER_SEC) /* how long a refusal or a failed read counts as a fault */
 
 struct motion_params config_motion(const struct config *config, int source)
 {
@@ -29,6 +30,9 @@ struct intake_params config_intake(const struct config_source *source, struct ge
         [CONFIG_SOURCE_FLIGHTGEAR] = POSE_PROTOCOL_FLIGHTGEAR,
         [CONFIG_SOURCE_CANAEROSPACE] = POSE_PROTOCOL_CANAEROSPACE,
         [CONFIG_SOURCE_CIGI] = POSE_PROTOCOL_CIGI,
+        [CONFIG_SOURCE_XPLANE] = POSE_PROTOCOL_XPLANE,
+        [CONFIG_SOURCE_DIS] = POSE_PROTOCOL_DIS,
+        [CONFIG_SOURCE_CAN_TABLE] = POSE_PROTOCOL_CAN_TABLE,
     };
     return (struct intake_params){
         .protocol = protocols[source->type],
@@ -36,6 +40,8 @@ struct intake_params config_intake(const struct config_source *source, struct ge
         .datum = source->altitude == CONFIG_ALTITUDE_EGM96 ? ALTITUDE_EGM96 : ALTITUDE_ELLIPSOID,
         .smooth = true,
         .geoid = geoid_function_of(geoid),
+        .dis = {.exercise = source->exercise, .id = source->entity_id},
+        .table = config_can_table(source),
     };
 }
 
@@ -141,7 +147,7 @@ static int on_readable(sd_event_source *event, int fd, uint32_t revents, void *d
 
 static void endpoint_of(const struct config_source *config, char *ret_text, size_t size)
 {
-    bool bus = config->type == CONFIG_SOURCE_CANAEROSPACE;
+    bool bus = config_source_is_bus(config);
     bool simulated = strncmp(config->interface, "sim:", 4) == 0;
     snprintf(ret_text, size, "%s%s", bus && !simulated ? "can:" : "",
              bus ? config->interface : config->listen);
@@ -171,6 +177,9 @@ static int open_source(struct source_slot *slot, struct diag *diag)
         .intake = config_intake(config, slot->service->geoid),
         .priority = config->priority,
         .timeout_ns = config->timeout_ms * NSEC_PER_MSEC,
+        .subscribe = config->subscribe,
+        .rate_hz = config->rate_hz,
+        .transmit = config->allow_transmit,
         .allow = allow,
         .allow_count = config->allow_count,
     };
@@ -209,7 +218,7 @@ static bool works(const struct source_slot *slot, nsec_t now_ns)
 {
     if (!slot->source || (slot->failed_ns && now_ns - slot->failed_ns < HOLD_NS))
         return false;
-    return pose_source_protocol(slot->source) != POSE_PROTOCOL_CANAEROSPACE ||
+    return !config_source_is_bus(slot->config) ||
            pose_source_can_state(slot->source) != CAN_STATE_NONE;
 }
 
@@ -285,6 +294,13 @@ static void on_switch(void *context, int from, int to)
     log_notice("%s drives, before it %s", name_of(service, to), name_of(service, from));
 }
 
+/* How long a source may give no pose. One of DIS gives some until its entity counts as lost. */
+static nsec_t silence_ns(const struct config_source *config)
+{
+    return config->type == CONFIG_SOURCE_DIS ? CARRIED_SILENCE_NS
+                                             : config->timeout_ms * NSEC_PER_MSEC;
+}
+
 void sources_init(struct service *service)
 {
     arbiter_init(&service->arbiter, on_switch, service);
@@ -292,7 +308,7 @@ void sources_init(struct service *service)
     for (unsigned i = 0; i < service->config.sources_count; i++) {
         const struct config_source *config = &service->config.sources[i];
         service->slots[i] = (struct source_slot){.service = service, .config = config, .index = i};
-        arbiter_add(&service->arbiter, config->priority, config->timeout_ms * NSEC_PER_MSEC);
+        arbiter_add(&service->arbiter, config->priority, silence_ns(config));
         if (service->recorder)
             otwlog_add_source(recorder_writer(service->recorder), i,
                               config_intake(config, NULL).protocol, config->name,
@@ -326,7 +342,7 @@ static void add_counters(const struct source_slot *slot, struct source_totals *t
     /* A packet lost to a full queue may have left a gap, too: it is counted once. */
     uint64_t drops = pose_source_kernel_drops(slot->source);
     totals->lost += counters->lost > drops ? counters->lost : drops;
-    if (slot->config->type == CONFIG_SOURCE_CANAEROSPACE)
+    if (config_source_is_bus(slot->config))
         totals->can_frames += counters->received;
 }
 
@@ -345,7 +361,7 @@ void sources_fill(const struct service *service, nsec_t now_ns, struct health *h
     health->can_state = HEALTH_CAN_NONE;
     for (unsigned i = 0; i < service->slot_count; i++) {
         const struct source_slot *slot = &service->slots[i];
-        bool can = slot->config->type == CONFIG_SOURCE_CANAEROSPACE;
+        bool can = config_source_is_bus(slot->config);
         enum can_state state = slot->source ? pose_source_can_state(slot->source) : CAN_STATE_NONE;
         can_good &= !can || state == CAN_STATE_ACTIVE;
         if ((unsigned)state > health->can_state)

@@ -9,7 +9,7 @@ _otwd_options() {
 _otwd_values() {
     case $1 in
     --technique) echo "clipmap" ;;
-    --protocol) echo "native flightgear canaerospace cigi3 cigi4" ;;
+    --protocol) echo "native flightgear xplane dis canaerospace cigi3 cigi4" ;;
     --vertical) echo "egm96 egm2008 egm84 ellipsoid" ;;
     --datum) echo "egm96 ellipsoid" ;;
     --speed) echo "max" ;;
