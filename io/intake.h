@@ -12,14 +12,14 @@ enum pose_protocol {
     POSE_PROTOCOL_NATIVE,
     POSE_PROTOCOL_FLIGHTGEAR,
     POSE_PROTOCOL_CANAEROSPACE,
-    POSE_PROTOCOL_CIGI, /* a session, not single packets: io/cigi_session.h */
     POSE_PROTOCOL_XPLANE,
     POSE_PROTOCOL_DIS,
     POSE_PROTOCOL_CAN_TABLE,
+    POSE_PROTOCOL_CIGI, /* a session, not single packets: io/cigi_session.h */
     POSE_PROTOCOLS
 };
 
-/* "native", "flightgear", "canaerospace", "cigi", "xplane", "dis", "can-table". */
+/* "native", "flightgear", "canaerospace", "xplane", "dis", "can-table", "cigi". */
 const char *pose_protocol_name(enum pose_protocol protocol);
 /* Returns 0, or -EINVAL for another name. */
 int pose_protocol_from_name(const char *name, enum pose_protocol *ret_protocol);
