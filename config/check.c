@@ -1,6 +1,6 @@
 /* What no single key shows. Every check finds its place in the document again by name, so that the
  * complaint stands at the line that the operator has to change. */
-#include "config/document.h"
+#include "config/check_can.h"
 
 #include <errno.h>
 #include <math.h>
@@ -91,6 +91,9 @@ static void check_address(struct document *document, yaml_node_t *node, const ch
                           shown, text);
 }
 
+/* A state comes every five seconds at the least; IEEE 1278.1 gives up after 2.4 times that. */
+#define DIS_TIMEOUT_MS 12000
+
 /* One source on its way through the checks. */
 struct source_check {
     struct document *document;
@@ -108,40 +111,68 @@ static void refuse_key(const struct source_check *check, const char *key, const 
                           config_source_type_name(check->source->type), why);
 }
 
-static bool is_bus(const struct config_source *source)
+bool config_source_is_bus(const struct config_source *source)
 {
-    return source->type == CONFIG_SOURCE_CANAEROSPACE;
+    return source->type == CONFIG_SOURCE_CANAEROSPACE || source->type == CONFIG_SOURCE_CAN_TABLE;
 }
 
 static void settle_source(const struct source_check *check)
 {
     static const char *const ports[] = {
-        [CONFIG_SOURCE_NATIVE] = "127.0.0.1:5600", [CONFIG_SOURCE_FLIGHTGEAR] = "127.0.0.1:5500",
-        [CONFIG_SOURCE_CIGI] = "127.0.0.1:8004",   [CONFIG_SOURCE_XPLANE] = "127.0.0.1:49003",
-        [CONFIG_SOURCE_DIS] = "127.0.0.1:3000",    [CONFIG_SOURCE_CANAEROSPACE] = "",
+        [CONFIG_SOURCE_NATIVE] = "127.0.0.1:5600",
+        [CONFIG_SOURCE_FLIGHTGEAR] = "127.0.0.1:5500",
+        [CONFIG_SOURCE_CIGI] = "127.0.0.1:8004",
+        [CONFIG_SOURCE_XPLANE] = "127.0.0.1:49003",
+        [CONFIG_SOURCE_DIS] = "127.0.0.1:3000",
+        [CONFIG_SOURCE_CANAEROSPACE] = "",
+        [CONFIG_SOURCE_CAN_TABLE] = "",
     };
     struct config_source *source = check->source;
     if (!document_get(check->document, check->node, "name", NULL))
         snprintf(source->name, sizeof(source->name), "source%u", check->index + 1);
     if (!document_get(check->document, check->node, "priority", NULL))
         source->priority = check->index + 1;
-    if (is_bus(source) && !document_get(check->document, check->node, "interface", NULL))
+    if (config_source_is_bus(source) &&
+        !document_get(check->document, check->node, "interface", NULL))
         strcpy(source->interface, "can0");
-    if (!is_bus(source) && !document_get(check->document, check->node, "listen", NULL))
+    if (!config_source_is_bus(source) &&
+        !document_get(check->document, check->node, "listen", NULL))
         strcpy(source->listen, ports[source->type]);
+    if (source->type == CONFIG_SOURCE_CIGI &&
+        !document_get(check->document, check->node, "reply", NULL))
+        strcpy(source->reply, "127.0.0.1:8005");
+    if (source->type == CONFIG_SOURCE_XPLANE &&
+        !document_get(check->document, check->node, "subscribe", NULL))
+        strcpy(source->subscribe, "127.0.0.1:49000");
+    if (source->type == CONFIG_SOURCE_DIS &&
+        !document_get(check->document, check->node, "timeout_ms", NULL))
+        source->timeout_ms = DIS_TIMEOUT_MS;
+}
+
+/* Whoever is asked to send may send. */
+static void allow_subscribed(struct config_source *source)
+{
+    union address address;
+    const char *host = source->subscribe[0] == '[' ? source->subscribe + 1 : source->subscribe;
+    const char *end = strrchr(host, ':');
+    if (address_parse(source->subscribe, &address, NULL) < 0 || !end)
+        return;
+    size_t length = (size_t)(end - host) - (host != source->subscribe);
+    memcpy(source->allow[source->allow_count++].range, host, length);
 }
 
 static int settle_allow(const struct source_check *check)
 {
     struct config_source *source = check->source;
-    if (is_bus(source) || document_get(check->document, check->node, "allow", NULL))
+    if (config_source_is_bus(source) || document_get(check->document, check->node, "allow", NULL))
         return 0;
-    source->allow = calloc(2, sizeof(*source->allow));
+    source->allow = calloc(3, sizeof(*source->allow));
     if (!source->allow)
         return -ENOMEM;
     strcpy(source->allow[0].range, "127.0.0.0/8");
     strcpy(source->allow[1].range, "::1");
     source->allow_count = 2;
+    allow_subscribed(source);
     return 0;
 }
 
@@ -183,11 +214,81 @@ static void check_allow(const struct source_check *check)
     }
 }
 
+static bool same_text(const char *a, const char *b)
+{
+    return *a && strcmp(a, b) == 0;
+}
+
+static void check_cigi(const struct source_check *check)
+{
+    const struct config_source *source = check->source;
+    double tenths = source->version * 10.0;
+    char shown[64];
+    refuse_key(check, "altitude", "counts heights from the ellipsoid");
+    snprintf(shown, sizeof(shown), "sources[%u].reply", check->index);
+    check_address(check->document, document_get(check->document, check->node, "reply", NULL), shown,
+                  source->reply);
+    if ((source->version > 3.35 && source->version < 4.0) ||
+        fabs(tenths - nearbyint(tenths)) > 1e-6)
+        document_complain(check->document,
+                          document_get(check->document, check->node, "version", NULL),
+                          "sources[%u].version is %g; it must be 3.0, 3.1, 3.2, 3.3 or 4.0",
+                          check->index, source->version);
+    if (same_text(source->reply, source->listen))
+        document_complain(check->document, either(check->document, check->node, "reply", "listen"),
+                          "sources[%u].reply: %s is where the source itself listens", check->index,
+                          source->reply);
+}
+
+static void check_xplane(const struct source_check *check)
+{
+    const struct config_source *source = check->source;
+    char shown[64];
+    if (source->type != CONFIG_SOURCE_XPLANE) {
+        refuse_key(check, "subscribe", "sends without being asked");
+        refuse_key(check, "rate_hz", "sends without being asked");
+        return;
+    }
+    snprintf(shown, sizeof(shown), "sources[%u].subscribe", check->index);
+    if (source->subscribe[0])
+        check_address(check->document,
+                      document_get(check->document, check->node, "subscribe", NULL), shown,
+                      source->subscribe);
+}
+
+static void check_dis(const struct source_check *check)
+{
+    struct config_source *source = check->source;
+    if (source->type != CONFIG_SOURCE_DIS) {
+        refuse_key(check, "entity", "knows one aircraft only");
+        refuse_key(check, "exercise", "knows no exercises");
+    } else if (dis_id_parse(source->entity, &source->entity_id) < 0) {
+        document_complain(check->document,
+                          document_get(check->document, check->node, "entity", NULL),
+                          "sources[%u].entity is '%s'; it must be SITE:APPLICATION:ENTITY, like "
+                          "1:1:1",
+                          check->index, source->entity);
+    }
+    if (source->type == CONFIG_SOURCE_DIS && source->altitude == CONFIG_ALTITUDE_EGM96)
+        refuse_key(check, "altitude", "tells places from the Earth's centre, not altitudes");
+}
+
+static void check_can(const struct source_check *check)
+{
+    struct config_source *source = check->source;
+    if (source->type != CONFIG_SOURCE_CANAEROSPACE)
+        refuse_key(check, "allow_transmit", "has nothing to transmit");
+    if (source->type == CONFIG_SOURCE_CAN_TABLE)
+        document_check_can_table(check->document, check->node, check->index, source);
+    else
+        refuse_key(check, "fields", "defines its own fields");
+}
+
 static void check_wire(const struct source_check *check)
 {
     const struct config_source *source = check->source;
     char shown[64];
-    if (is_bus(source)) {
+    if (config_source_is_bus(source)) {
         refuse_key(check, "listen", "reads a CAN bus; give it an interface");
         refuse_key(check, "allow", "reads a CAN bus, which has no sender addresses");
         check_interface(check);
@@ -198,15 +299,18 @@ static void check_wire(const struct source_check *check)
                       shown, source->listen);
         check_allow(check);
     }
-    if (source->type == CONFIG_SOURCE_CIGI)
+    check_xplane(check);
+    check_dis(check);
+    check_can(check);
+    if (source->type == CONFIG_SOURCE_CIGI) {
+        check_cigi(check);
         return;
+    }
     refuse_key(check, "reply", "sends no replies");
     refuse_key(check, "version", "finds its version in the packets");
-}
-
-static bool same_text(const char *a, const char *b)
-{
-    return *a && strcmp(a, b) == 0;
+    refuse_key(check, "view", "knows no views");
+    refuse_key(check, "database", "knows no databases");
+    refuse_key(check, "sync_wait_ms", "is not waited for");
 }
 
 static void check_duplicates(const struct source_check *check)
@@ -225,15 +329,8 @@ static void check_duplicates(const struct source_check *check)
     }
 }
 
-static bool is_supported(enum config_source_type type)
-{
-    return type == CONFIG_SOURCE_NATIVE || type == CONFIG_SOURCE_FLIGHTGEAR ||
-           type == CONFIG_SOURCE_CANAEROSPACE;
-}
-
 static int check_source(struct source_check *check)
 {
-    const char *type = config_source_type_name(check->source->type);
     settle_source(check);
     int r = settle_allow(check);
     if (r < 0)
@@ -242,11 +339,6 @@ static int check_source(struct source_check *check)
         document_complain(check->document, either(check->document, check->node, "name", "name"),
                           "sources[%u].name is '%s'; letters, digits, '_', '-' and '.' make a name",
                           check->index, check->source->name);
-    if (!is_supported(check->source->type))
-        document_complain(check->document, document_get(check->document, check->node, "type", NULL),
-                          "sources[%u].type: %s is not supported by this version; use native, "
-                          "flightgear or canaerospace",
-                          check->index, type);
     check_wire(check);
     check_duplicates(check);
     return 0;

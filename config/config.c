@@ -95,10 +95,20 @@ int config_load(const char *path, struct config *ret_config, struct config_error
 
 void config_finish(struct config *config)
 {
-    for (unsigned i = 0; i < config->sources_count; i++)
+    for (unsigned i = 0; i < config->sources_count; i++) {
         free(config->sources[i].allow);
+        free(config->sources[i].fields);
+    }
     free(config->sources);
     *config = (struct config){0};
+}
+
+struct can_table config_can_table(const struct config_source *source)
+{
+    struct can_table table = {.count = source->fields_count};
+    for (unsigned i = 0; i < source->fields_count; i++)
+        table.fields[i] = source->fields[i].wire;
+    return table;
 }
 
 void config_errors_finish(struct config_errors *errors)

@@ -9,6 +9,8 @@
 
 #include "base/clock.h"
 #include "io/address.h"
+#include "io/can_table.h"
+#include "io/dis.h"
 
 #define CONFIG_NAME_MAX      32
 #define CONFIG_PATH_MAX      1024
@@ -86,9 +88,10 @@ enum config_source_type {
     CONFIG_SOURCE_NATIVE,
     CONFIG_SOURCE_FLIGHTGEAR,
     CONFIG_SOURCE_CANAEROSPACE,
-    CONFIG_SOURCE_CIGI,   /* refused by this version */
-    CONFIG_SOURCE_XPLANE, /* refused by this version */
-    CONFIG_SOURCE_DIS,    /* refused by this version */
+    CONFIG_SOURCE_CIGI,
+    CONFIG_SOURCE_XPLANE,
+    CONFIG_SOURCE_DIS,
+    CONFIG_SOURCE_CAN_TABLE,
 };
 
 enum config_altitude {
@@ -102,22 +105,39 @@ struct config_allow {
     char range[ADDRESS_TEXT_MAX];
 };
 
+/* A row of a CAN source's table. */
+struct config_can_field {
+    char id[CONFIG_TEXT_MAX];
+    struct can_table_field wire; /* with the identifier that `id` names */
+};
+
 struct config_source {
     char name[CONFIG_NAME_MAX]; /* empty in the file: "source1", by position */
     enum config_source_type type;
-    double version;                       /* cigi only; 0 where not given */
+    double version;                       /* cigi only: spoken until the host has spoken */
     char listen[ADDRESS_TEXT_MAX];        /* UDP sources; empty for a bus */
-    char reply[ADDRESS_TEXT_MAX];         /* cigi only; empty where not given */
+    char reply[ADDRESS_TEXT_MAX];         /* cigi only: where Start of Frame goes */
+    unsigned view;                        /* cigi only: the number of the channel's view */
+    unsigned database;                    /* cigi only: by which the host knows the terrain */
+    unsigned sync_wait_ms;                /* cigi only: that a frame waits for the host; 0: none */
     char interface[CONFIG_INTERFACE_MAX]; /* CAN: "can0" or "sim:PATH"; empty for UDP */
     unsigned priority;                    /* 1 is best; where not given: the position in the list */
     unsigned timeout_ms;                  /* silence after which the source counts as lost */
+    char subscribe[ADDRESS_TEXT_MAX];     /* xplane only: who is asked to send; empty: nobody */
+    unsigned rate_hz;                     /* what it is asked for */
+    char entity[CONFIG_NAME_MAX];         /* dis only */
+    struct dis_id entity_id;              /* the same */
+    unsigned exercise;                    /* dis only; 0 = any */
+    bool allow_transmit;                  /* canaerospace only */
+    struct config_can_field *fields;      /* can-table only; fields_count of them, owned */
+    unsigned fields_count;
     enum config_altitude altitude;
     struct config_allow *allow; /* allow_count of them, owned; loopback where not given */
     unsigned allow_count;
 };
 
 enum config_pose_mode {
-    CONFIG_POSE_EXTRAPOLATE, /* the pose carried forward to the frame's own time */
+    CONFIG_POSE_EXTRAPOLATE, /* motion: between poses, and carried on beyond them */
     CONFIG_POSE_LATEST,      /* the newest pose as it came */
 };
 
@@ -128,6 +148,7 @@ enum config_on_loss {
 
 struct config_pose {
     enum config_pose_mode mode;
+    unsigned delay_ms; /* of what is shown */
     unsigned max_extrapolation_ms;
     enum config_on_loss on_loss;
 };
@@ -183,6 +204,13 @@ int config_load(const char *path, struct config *ret_config, struct config_error
 void config_finish(struct config *config);
 void config_errors_finish(struct config_errors *errors);
 
+/* The table of a source of type can-table. */
+struct can_table config_can_table(const struct config_source *source);
+
 /* The word that the file has for a value. */
 const char *config_source_type_name(enum config_source_type type);
+const char *config_can_field_name(enum can_quantity quantity);
+const char *config_can_unit_name(enum can_unit unit);
+/* Reads a CAN bus; the others listen for UDP. */
+bool config_source_is_bus(const struct config_source *source);
 const char *config_technique_name(enum config_technique technique);

@@ -90,12 +90,79 @@ static const cyaml_strval_t type_words[] = {
     {"cigi", CONFIG_SOURCE_CIGI},
     {"xplane", CONFIG_SOURCE_XPLANE},
     {"dis", CONFIG_SOURCE_DIS},
+    {"can-table", CONFIG_SOURCE_CAN_TABLE},
 };
 
 static const cyaml_strval_t altitude_words[] = {
     {"default", CONFIG_ALTITUDE_DEFAULT},
     {"ellipsoid", CONFIG_ALTITUDE_ELLIPSOID},
     {"egm96", CONFIG_ALTITUDE_EGM96},
+};
+
+/* What a visual can use of a bus. */
+static const cyaml_strval_t can_field_words[] = {
+    {"latitude", CAN_GPS_LATITUDE},
+    {"longitude", CAN_GPS_LONGITUDE},
+    {"height", CAN_GPS_HEIGHT},
+    {"altitude", CAN_TRUE_ALTITUDE},
+    {"roll", CAN_ROLL},
+    {"pitch", CAN_PITCH},
+    {"heading", CAN_TRUE_HEADING},
+    {"magnetic_heading", CAN_MAGNETIC_HEADING},
+    {"magnetic_variation", CAN_MAGNETIC_VARIATION},
+    {"north", CAN_NORTH},
+    {"east", CAN_EAST},
+    {"up", CAN_UP},
+    {"ground_speed", CAN_GPS_SPEED},
+    {"track", CAN_GPS_TRACK},
+    {"body_forward", CAN_BODY_FORWARD},
+    {"body_right", CAN_BODY_RIGHT},
+    {"body_up", CAN_BODY_UP},
+    {"roll_rate", CAN_ROLL_RATE},
+    {"pitch_rate", CAN_PITCH_RATE},
+    {"yaw_rate", CAN_YAW_RATE},
+};
+
+static const cyaml_strval_t number_words[] = {
+    {"signed", CAN_NUMBER_SIGNED},
+    {"unsigned", CAN_NUMBER_UNSIGNED},
+    {"float", CAN_NUMBER_FLOAT},
+};
+
+static const cyaml_strval_t order_words[] = {
+    {"big", CAN_ORDER_BIG},
+    {"little", CAN_ORDER_LITTLE},
+};
+
+static const cyaml_strval_t unit_words[] = {
+    {"default", CAN_UNIT_DEFAULT}, {"deg", CAN_UNIT_DEG},
+    {"rad", CAN_UNIT_RAD},         {"m", CAN_UNIT_M},
+    {"km", CAN_UNIT_KM},           {"ft", CAN_UNIT_FT},
+    {"m/s", CAN_UNIT_MPS},         {"km/h", CAN_UNIT_KMPH},
+    {"kt", CAN_UNIT_KT},           {"ft/s", CAN_UNIT_FTPS},
+    {"ft/min", CAN_UNIT_FTPMIN},   {"deg/s", CAN_UNIT_DPS},
+    {"rad/s", CAN_UNIT_RADPS},
+};
+
+static const cyaml_schema_field_t can_field_fields[] = {
+    CYAML_FIELD_STRING("id", OPTIONAL, struct config_can_field, id, 0),
+    CYAML_FIELD_ENUM("field", WORD, struct config_can_field, wire.quantity, can_field_words,
+                     CYAML_ARRAY_LEN(can_field_words)),
+    CYAML_FIELD_UINT("bit", OPTIONAL, struct config_can_field, wire.bit),
+    CYAML_FIELD_UINT("bits", OPTIONAL, struct config_can_field, wire.bits),
+    CYAML_FIELD_ENUM("type", WORD, struct config_can_field, wire.number, number_words,
+                     CYAML_ARRAY_LEN(number_words)),
+    CYAML_FIELD_ENUM("order", WORD, struct config_can_field, wire.order, order_words,
+                     CYAML_ARRAY_LEN(order_words)),
+    CYAML_FIELD_FLOAT("scale", OPTIONAL, struct config_can_field, wire.scale),
+    CYAML_FIELD_FLOAT("offset", OPTIONAL, struct config_can_field, wire.offset),
+    CYAML_FIELD_ENUM("unit", WORD, struct config_can_field, wire.unit, unit_words,
+                     CYAML_ARRAY_LEN(unit_words)),
+    CYAML_FIELD_END,
+};
+
+static const cyaml_schema_value_t can_field_entry = {
+    CYAML_VALUE_MAPPING(CYAML_FLAG_DEFAULT, struct config_can_field, can_field_fields),
 };
 
 static const cyaml_schema_value_t allow_entry = {
@@ -109,9 +176,19 @@ static const cyaml_schema_field_t source_fields[] = {
     CYAML_FIELD_FLOAT("version", OPTIONAL, struct config_source, version),
     CYAML_FIELD_STRING("listen", OPTIONAL, struct config_source, listen, 0),
     CYAML_FIELD_STRING("reply", OPTIONAL, struct config_source, reply, 0),
+    CYAML_FIELD_UINT("view", OPTIONAL, struct config_source, view),
+    CYAML_FIELD_UINT("database", OPTIONAL, struct config_source, database),
+    CYAML_FIELD_UINT("sync_wait_ms", OPTIONAL, struct config_source, sync_wait_ms),
     CYAML_FIELD_STRING("interface", OPTIONAL, struct config_source, interface, 0),
     CYAML_FIELD_UINT("priority", OPTIONAL, struct config_source, priority),
     CYAML_FIELD_UINT("timeout_ms", OPTIONAL, struct config_source, timeout_ms),
+    CYAML_FIELD_STRING("subscribe", OPTIONAL, struct config_source, subscribe, 0),
+    CYAML_FIELD_UINT("rate_hz", OPTIONAL, struct config_source, rate_hz),
+    CYAML_FIELD_STRING("entity", OPTIONAL, struct config_source, entity, 0),
+    CYAML_FIELD_UINT("exercise", OPTIONAL, struct config_source, exercise),
+    CYAML_FIELD_BOOL("allow_transmit", OPTIONAL, struct config_source, allow_transmit),
+    CYAML_FIELD_SEQUENCE("fields", CYAML_FLAG_POINTER | OPTIONAL, struct config_source, fields,
+                         &can_field_entry, 0, CAN_TABLE_MAX),
     CYAML_FIELD_ENUM("altitude", WORD, struct config_source, altitude, altitude_words,
                      CYAML_ARRAY_LEN(altitude_words)),
     CYAML_FIELD_SEQUENCE("allow", CYAML_FLAG_POINTER | OPTIONAL, struct config_source, allow,
@@ -136,6 +213,7 @@ static const cyaml_strval_t on_loss_words[] = {
 static const cyaml_schema_field_t pose_fields[] = {
     CYAML_FIELD_ENUM("mode", WORD, struct config_pose, mode, mode_words,
                      CYAML_ARRAY_LEN(mode_words)),
+    CYAML_FIELD_UINT("delay_ms", OPTIONAL, struct config_pose, delay_ms),
     CYAML_FIELD_UINT("max_extrapolation_ms", OPTIONAL, struct config_pose, max_extrapolation_ms),
     CYAML_FIELD_ENUM("on_loss", WORD, struct config_pose, on_loss, on_loss_words,
                      CYAML_ARRAY_LEN(on_loss_words)),
@@ -188,6 +266,16 @@ static const char *word_of(const cyaml_strval_t *words, size_t count, long value
 const char *config_source_type_name(enum config_source_type type)
 {
     return word_of(type_words, CYAML_ARRAY_LEN(type_words), type);
+}
+
+const char *config_can_field_name(enum can_quantity quantity)
+{
+    return word_of(can_field_words, CYAML_ARRAY_LEN(can_field_words), quantity);
+}
+
+const char *config_can_unit_name(enum can_unit unit)
+{
+    return word_of(unit_words, CYAML_ARRAY_LEN(unit_words), unit);
 }
 
 const char *config_technique_name(enum config_technique technique)

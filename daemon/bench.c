@@ -3,6 +3,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "daemon/bench_motion.h"
 #include "daemon/bench_quality.h"
 #include "daemon/bench_stability.h"
 #include "daemon/cli.h"
@@ -14,6 +15,7 @@ static void print_subjects(FILE *out)
     fputs("Usage: otwd bench SUBJECT [ARGUMENT...]\n\n"
           "Techniques side by side.\n\n"
           "  codec RASTER...  the height codec beside LERC, zstd and PNG\n"
+          "  motion           how true and how smooth what is shown of a flight is\n"
           "  quality FLIGHT   how far the picture is from the ground at full detail\n"
           "  stability        what moves on the screen that the camera does not explain\n"
           "\n`otwd bench SUBJECT --help` says more.\n",
@@ -35,6 +37,8 @@ int bench_main(int argc, char **argv)
         argv[1] = (char *)"--bench-codec";
         return import_exec(argv);
     }
+    if (strcmp(subject, "motion") == 0)
+        return bench_motion_main(argc - 1, argv + 1);
     if (strcmp(subject, "quality") == 0)
         return bench_quality_main(argc - 1, argv + 1);
     if (strcmp(subject, "stability") == 0)

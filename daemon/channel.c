@@ -13,7 +13,8 @@
 #include "render/window.h"
 #include "terrain/database.h"
 
-#define NEAR_M 0.5
+#define NEAR_M       0.5
+#define NEAR_LEAST_M 0.01
 
 struct channel {
     struct gl_context *context; /* NULL where a window brings its own */
@@ -148,6 +149,12 @@ static void expect(struct channel *channel, const struct pose *next, bool comple
     renderer_wish(channel->renderer, &ahead.eye, complete);
 }
 
+/* Depth is as good with any: what lies farther than asked is no gain, and cuts into the ground. */
+static double near_of(const struct channel_geometry *geometry)
+{
+    return geometry->near_m > 0.0 ? fmin(fmax(geometry->near_m, NEAR_LEAST_M), NEAR_M) : NEAR_M;
+}
+
 void channel_draw(struct channel *channel, const struct pose *pose, const struct pose *next,
                   nsec_t utc_ns, bool complete, struct channel_frame *ret_frame)
 {
@@ -157,7 +164,7 @@ void channel_draw(struct channel *channel, const struct pose *pose, const struct
     if (complete)
         renderer_wait(channel->renderer);
     nsec_t start_ns = clock_monotonic_ns(), start_cpu_ns = clock_thread_cpu_ns();
-    view.near_m = NEAR_M;
+    view.near_m = near_of(&channel->geometry);
     view.visibility_m = channel->visibility_m;
     sun_direction_enu(utc_ns, view.eye.lat_deg, view.eye.lon_deg, view.sun_enu);
     renderer_draw(channel->renderer, &view);
@@ -172,6 +179,11 @@ void channel_draw(struct channel *channel, const struct pose *pose, const struct
     ret_frame->view = view;
     if (channel->gl.software)
         expect(channel, next, complete);
+}
+
+void channel_set_geometry(struct channel *channel, const struct channel_geometry *geometry)
+{
+    channel->geometry = *geometry;
 }
 
 void channel_set_visibility(struct channel *channel, double visibility_m)

@@ -54,6 +54,8 @@ void channel_destroy(struct channel *channel);
 void channel_draw(struct channel *channel, const struct pose *pose, const struct pose *next,
                   nsec_t utc_ns, bool complete, struct channel_frame *ret_frame);
 
+/* From the next frame on; must be one that channel_geometry_check() takes. */
+void channel_set_geometry(struct channel *channel, const struct channel_geometry *geometry);
 void channel_set_visibility(struct channel *channel, double visibility_m);
 
 /* What the operator has to know of how it draws: "" or a sentence. */

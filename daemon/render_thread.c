@@ -2,10 +2,12 @@
 
 #include <errno.h>
 #include <pthread.h>
+#include <semaphore.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/eventfd.h>
+#include <time.h>
 #include <unistd.h>
 
 #include "base/latest.h"
@@ -18,9 +20,14 @@
 
 struct render_thread {
     struct render_params params;
-    struct latest input; /* struct render_input, written by the event loop */
-    struct ring samples; /* struct frame_sample, read by the event loop */
+    struct latest input;   /* struct render_input, written by the event loop */
+    struct latest traffic; /* struct traffic, likewise */
+    struct ring poses;     /* struct arrived, likewise */
+    struct ring samples;   /* struct frame_sample, read by the event loop */
     int event_fd;
+    int begin_fd;
+    _Atomic nsec_t begun_ns; /* when the frame that was told last will be seen */
+    sem_t go;
     _Atomic int
         state; /* enum render_state; the release that makes `gl`, `note` and `diag` visible */
     atomic_bool stopping;
@@ -33,6 +40,11 @@ struct render_thread {
     struct diag output_diag;
 };
 
+struct arrived {
+    int source;
+    struct pose pose;
+};
+
 /* What the frame loop carries from frame to frame. */
 struct frame_loop {
     struct render_thread *thread;
@@ -43,10 +55,12 @@ struct frame_loop {
     struct render_input input;
     struct pose shown;
     nsec_t shown_utc_ns;
-    bool fresh; /* the pose in `input` has not been drawn yet */
+    struct motion motion;
+    nsec_t reached_ns; /* receive stamp of the newest pose that a frame has reached */
     uint64_t snapshot;
     struct frame_sample sample;
     struct governor governor;
+    struct traffic traffic; /* what to draw beside the terrain */
 };
 
 static void announce(struct render_thread *thread, enum render_state state)
@@ -57,20 +71,52 @@ static void announce(struct render_thread *thread, enum render_state state)
         return; /* full: the loop will wake up all the same */
 }
 
+/* The newest pose comes with the input, too: the ring may have been full. */
 static void take_input(struct frame_loop *loop)
 {
-    nsec_t before_ns = loop->input.pose.receive_ns;
-    if (latest_take(&loop->thread->input, &loop->input))
-        loop->fresh = loop->input.pose.receive_ns != before_ns;
+    struct arrived arrived;
+    while (ring_take(&loop->thread->poses, &arrived))
+        motion_put(&loop->motion, arrived.source, &arrived.pose);
+    latest_take(&loop->thread->traffic, &loop->traffic);
+    if (!latest_take(&loop->thread->input, &loop->input))
+        return;
+    motion_set_params(&loop->motion, &loop->input.motion);
+    motion_set_live(&loop->motion, loop->input.live);
+    if (loop->input.pose.receive_ns)
+        motion_put(&loop->motion, loop->input.source, &loop->input.pose);
     channel_set_visibility(loop->channel, loop->input.visibility_m);
+    channel_set_geometry(loop->channel, &loop->input.geometry);
+}
+
+static void wait_for_host(struct render_thread *thread, nsec_t until_ns)
+{
+    const struct timespec until = {.tv_sec = until_ns / NSEC_PER_SEC,
+                                   .tv_nsec = until_ns % NSEC_PER_SEC};
+    while (sem_clockwait(&thread->go, CLOCK_MONOTONIC, &until) < 0 && errno == EINTR)
+        ;
+}
+
+/* Tells the event loop that a frame begins, and waits for the host that leads, if one does. */
+static void begin_frame(struct frame_loop *loop, nsec_t frame_ns)
+{
+    struct render_thread *thread = loop->thread;
+    if (!loop->input.tells_begin)
+        return;
+    while (sem_trywait(&thread->go) == 0)
+        ; /* an answer that came after its time */
+    atomic_store(&thread->begun_ns, frame_ns);
+    if (eventfd_write(thread->begin_fd, 1) < 0 || loop->input.wait_ns == 0)
+        return;
+    wait_for_host(thread, clock_monotonic_ns() + loop->input.wait_ns);
+    take_input(loop);
 }
 
 static void choose_pose(struct frame_loop *loop, nsec_t frame_ns)
 {
     if (loop->input.frozen && loop->sample.frame > 0)
         return;
-    pose_for_frame(&loop->input.policy, &loop->input.pose, loop->input.live, frame_ns,
-                   &loop->shown);
+    if (!motion_show(&loop->motion, frame_ns, &loop->shown))
+        loop->shown = loop->input.pose;
     loop->shown_utc_ns = frame_ns + loop->input.utc_offset_ns;
 }
 
@@ -92,7 +138,8 @@ static void fill_sample(struct frame_loop *loop, const struct channel_frame *fra
     renderer_loader_counts(channel_renderer(loop->channel), &counts);
     renderer_image_counts(channel_renderer(loop->channel), &images);
     uint64_t missed = (uint64_t)((frame->finished_ns - tick_ns) / loop->period_ns);
-    bool drawn_first = loop->fresh && !loop->input.frozen;
+    nsec_t reached_ns = loop->shown.receive_ns;
+    bool first = reached_ns && reached_ns != loop->reached_ns;
     sample->frame++;
     sample->missed += missed;
     sample->late = missed > 0;
@@ -102,7 +149,7 @@ static void fill_sample(struct frame_loop *loop, const struct channel_frame *fra
     sample->gpu_ms = frame->renderer.gpu_ms;
     sample->pixel_error = frame->renderer.pixel_error;
     sample->reduced = governor_trades(&loop->governor);
-    sample->transport_ns = drawn_first ? frame->finished_ns - loop->input.pose.receive_ns : -1;
+    sample->transport_ns = first ? frame->finished_ns - reached_ns : -1;
     sample->position = loop->shown.position;
     sample->attitude = loop->shown.attitude;
     sample->height_above_terrain_m = frame->renderer.height_above_terrain_m;
@@ -112,8 +159,8 @@ static void fill_sample(struct frame_loop *loop, const struct channel_frame *fra
     sample->terrain_errors = counts.read_errors + images.read_errors;
     if (sample->frame % loop->gpu_memory_every == 1)
         sample->gpu_mib = gl_memory_used_mib(channel_gl(loop->channel));
-    if (drawn_first)
-        loop->fresh = false;
+    if (first)
+        loop->reached_ns = reached_ns;
 }
 
 /* Draws the frame of the tick at `tick_ns`, which is to be seen one period later. Returns the tick
@@ -124,11 +171,11 @@ static nsec_t draw_frame(struct frame_loop *loop, nsec_t tick_ns, bool *ret_fail
     nsec_t frame_ns = tick_ns + loop->period_ns;
     uint64_t missed_before = loop->sample.missed;
     take_input(loop);
+    begin_frame(loop, frame_ns);
     choose_pose(loop, frame_ns);
     struct pose next = loop->shown;
     if (!loop->input.frozen)
-        pose_for_frame(&loop->input.policy, &loop->input.pose, loop->input.live,
-                       frame_ns + loop->period_ns, &next);
+        motion_at(&loop->motion, frame_ns + loop->period_ns, &next);
     channel_draw(loop->channel, &loop->shown, &next, loop->shown_utc_ns, false, &frame);
     renderer_set_pixel_error(
         channel_renderer(loop->channel),
@@ -187,6 +234,9 @@ static void *render_main(void *data)
         announce(thread, RENDER_FAILED);
         return NULL;
     }
+    motion_init(&loop.motion, &loop.input.motion);
+    if (loop.input.pose.receive_ns)
+        motion_put(&loop.motion, loop.input.source, &loop.input.pose);
     governor_init(&loop.governor, thread->params.channel.pixel_error,
                   thread->params.pixel_error_most, (double)loop.period_ns * 1e-6);
     thread->gl = *channel_gl(loop.channel);
@@ -208,10 +258,16 @@ static void *render_main(void *data)
 
 static int start(struct render_thread *thread)
 {
+    sem_init(&thread->go, 0, 0);
     thread->event_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
-    if (thread->event_fd < 0)
+    thread->begin_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    if (thread->event_fd < 0 || thread->begin_fd < 0)
         return -errno;
     int r = latest_init(&thread->input, sizeof(struct render_input));
+    if (r == 0)
+        r = ring_init(&thread->poses, sizeof(struct arrived), RENDER_POSES);
+    if (r == 0)
+        r = latest_init(&thread->traffic, sizeof(struct traffic));
     if (r == 0)
         r = ring_init(&thread->samples, sizeof(struct frame_sample), RENDER_SAMPLES);
     if (r == 0)
@@ -229,7 +285,7 @@ int render_thread_start(const struct render_params *params, struct render_thread
     if (!thread)
         return diag_set(diag, -ENOMEM, "no memory for the render thread");
     thread->params = *params;
-    thread->event_fd = -1;
+    thread->event_fd = thread->begin_fd = -1;
     int r = start(thread);
     if (r < 0) {
         diag_set(diag, r, "cannot start the render thread: %s", strerror(-r));
@@ -245,15 +301,21 @@ int render_thread_stop(struct render_thread *thread, struct diag *diag)
     if (!thread)
         return 0;
     atomic_store(&thread->stopping, true);
+    sem_post(&thread->go);
     if (thread->has_thread)
         pthread_join(thread->thread, NULL);
     int r = thread->output_error;
     if (r < 0)
         diag_set(diag, r, "%s", thread->output_diag.text);
     latest_finish(&thread->input);
+    ring_finish(&thread->poses);
+    latest_finish(&thread->traffic);
     ring_finish(&thread->samples);
     if (thread->event_fd >= 0)
         close(thread->event_fd);
+    if (thread->begin_fd >= 0)
+        close(thread->begin_fd);
+    sem_destroy(&thread->go);
     free(thread);
     return r;
 }
@@ -274,6 +336,23 @@ enum render_state render_thread_state(struct render_thread *thread, struct diag 
     return state;
 }
 
+int render_thread_begin_fd(const struct render_thread *thread)
+{
+    return thread->begin_fd;
+}
+
+nsec_t render_thread_begun(struct render_thread *thread)
+{
+    eventfd_t count;
+    eventfd_read(thread->begin_fd, &count);
+    return atomic_load(&thread->begun_ns);
+}
+
+void render_thread_go(struct render_thread *thread)
+{
+    sem_post(&thread->go);
+}
+
 const struct gl_facts *render_thread_gl(const struct render_thread *thread)
 {
     return &thread->gl;
@@ -284,9 +363,20 @@ const char *render_thread_note(const struct render_thread *thread)
     return thread->note;
 }
 
+void render_thread_pose(struct render_thread *thread, int source, const struct pose *pose)
+{
+    struct arrived arrived = {.source = source, .pose = *pose};
+    ring_put(&thread->poses, &arrived);
+}
+
 void render_thread_publish(struct render_thread *thread, const struct render_input *input)
 {
     latest_publish(&thread->input, input);
+}
+
+void render_thread_publish_traffic(struct render_thread *thread, const struct traffic *traffic)
+{
+    latest_publish(&thread->traffic, traffic);
 }
 
 bool render_thread_take(struct render_thread *thread, struct frame_sample *ret_sample)

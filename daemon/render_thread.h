@@ -1,25 +1,41 @@
 /* The thread that draws: it owns the channel and with it the GL context, and finishes a frame at
  * every tick of display.rate_hz.
  *
- * What it needs comes through a latest-value cell (struct render_input), what it did goes out
- * through a ring (struct frame_sample). Between two frames it does nothing but sleep: its loop
- * allocates nothing, takes no lock, does not log. docs/threads.md draws it. */
+ * What it needs comes through a latest-value cell (struct render_input), each pose besides through
+ * a ring, from which it makes the motion that it shows; what it did goes out through another ring
+ * (struct frame_sample). Between two frames it does nothing but sleep: its loop allocates nothing,
+ * takes no lock, does not log. Where a host leads (synchronous CIGI) a frame begins with a wait for
+ * it, which is bounded. docs/threads.md draws it. */
 #pragma once
 
 #include "base/diag.h"
 #include "daemon/channel.h"
 #include "daemon/notify.h"
-#include "io/arbiter.h"
+#include "geo/motion.h"
+#include "io/cigi_scene.h"
 
 /* What the event loop wants to be drawn: always whole, always the newest. */
 struct render_input {
     struct pose pose; /* the newest that drives; the start position before any has come */
     bool live;        /* a source is */
-    struct pose_policy policy;
+    int source;       /* whose it is */
+    struct motion_params motion;
     bool frozen; /* the picture stays as it is */
     double visibility_m;
     nsec_t utc_offset_ns; /* UTC since 1970 minus monotonic time */
     uint64_t snapshot;    /* where it has changed: write this frame as frame-SNAPSHOT.png */
+    struct channel_geometry geometry;
+    bool tells_begin; /* render_thread_begin_fd() is wanted */
+    nsec_t wait_ns;   /* for render_thread_go(), once that was told; 0 = not at all */
+};
+
+/* What else a host has in the air and on the ground, at the time of a frame. */
+#define TRAFFIC_MAX 256
+
+struct traffic {
+    nsec_t time_ns; /* for which the places hold */
+    size_t count;
+    struct cigi_seen list[TRAFFIC_MAX];
 };
 
 /* One finished frame. */
@@ -28,7 +44,8 @@ struct frame_sample {
     uint64_t missed; /* ticks since the start that no frame was finished for in time */
     nsec_t finished_ns;
     double frame_ms, cpu_ms, gpu_ms;
-    nsec_t transport_ns; /* receive stamp to finished frame; -1: its pose was drawn before */
+    nsec_t transport_ns; /* receive stamp of the newest pose that it is the first to reach, to the
+                          * finished frame; -1: it reaches none that was not reached before */
     struct geodetic position;
     struct attitude attitude;
     double height_above_terrain_m;
@@ -73,17 +90,33 @@ enum render_state {
 /* Clears the descriptor. Where the thread has ended `ret_diag` says why. */
 enum render_state render_thread_state(struct render_thread *thread, struct diag *ret_diag);
 
+/* Readable when a frame begins, where the input wants it. render_thread_begun() clears it and says
+ * when the newest one will be seen. Event loop. */
+int render_thread_begin_fd(const struct render_thread *thread);
+nsec_t render_thread_begun(struct render_thread *thread);
+
+/* What the frame that begins waits for has been published. Event loop. */
+void render_thread_go(struct render_thread *thread);
+
 /* Once it runs; does not change. */
 const struct gl_facts *render_thread_gl(const struct render_thread *thread);
 
 /* The same: channel_note(). */
 const char *render_thread_note(const struct render_thread *thread);
 
+/* A pose of the source that drives, before it is published with the rest. Where the ring is full it
+ * is the newest in `input` that counts. Event loop. */
+void render_thread_pose(struct render_thread *thread, int source, const struct pose *pose);
+
 /* Event loop. No lock on either side. */
 void render_thread_publish(struct render_thread *thread, const struct render_input *input);
+
+/* The same, for the entities that a host moves: they change with every frame, or not at all. */
+void render_thread_publish_traffic(struct render_thread *thread, const struct traffic *traffic);
 
 /* The oldest sample not yet taken; false where there is none. Samples that nobody takes are lost
  * after RENDER_SAMPLES. Event loop. */
 bool render_thread_take(struct render_thread *thread, struct frame_sample *ret_sample);
 
 #define RENDER_SAMPLES 2048
+#define RENDER_POSES   1024

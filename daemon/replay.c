@@ -36,8 +36,35 @@ static void show_progress(const struct replay_params *params, uint64_t frame, ui
                 (unsigned long long)frames, frame + 1 == frames ? "\n" : "");
 }
 
+/* How a recorded pose would have come to this frame, had it been sent at its time. */
+struct arrival {
+    size_t reached; /* poses that frames have shown or passed */
+    float latency_ms, age_ms;
+};
+
+/* The newest pose at `time_ns` of the flight; where it is the first frame that reaches it, how long
+ * after its arrival that is finished. At full speed nothing arrives at a time: both are NaN. */
+static void find_arrival(const struct flight *flight, const struct replay_params *params,
+                         nsec_t time_ns, nsec_t start_ns, nsec_t finished_ns,
+                         struct arrival *arrival)
+{
+    size_t reached = arrival->reached;
+    arrival->latency_ms = arrival->age_ms = NAN;
+    while (reached < flight->count && flight->poses[reached].time_ns <= time_ns)
+        reached++;
+    if (params->speed <= 0.0 || reached == 0)
+        return;
+    nsec_t pose_ns = flight->poses[reached - 1].time_ns;
+    double came_ns = (double)start_ns + (double)pose_ns / params->speed;
+    arrival->age_ms = (float)((double)(time_ns - pose_ns) / params->speed * 1e-6);
+    if (reached > arrival->reached)
+        arrival->latency_ms = (float)(((double)finished_ns - came_ns) * 1e-6);
+    arrival->reached = reached;
+}
+
 static void record_frame(struct report *report, const struct replay_params *params, double time_s,
-                         struct channel *channel, const struct channel_frame *frame)
+                         struct channel *channel, const struct channel_frame *frame,
+                         const struct arrival *arrival)
 {
     struct loader_counts counts;
     renderer_loader_counts(channel_renderer(channel), &counts);
@@ -51,8 +78,8 @@ static void record_frame(struct report *report, const struct replay_params *para
                            .terrain_ms = (float)frame->renderer.terrain_ms,
                            .shade_ms = (float)frame->renderer.shade_ms,
                            .cpu_ms = (float)frame->cpu_ms,
-                           .latency_ms = NAN,
-                           .pose_age_ms = NAN,
+                           .latency_ms = arrival->latency_ms,
+                           .pose_age_ms = arrival->age_ms,
                            .triangles = (uint32_t)frame->renderer.triangles,
                            .pixel_error = (float)frame->renderer.pixel_error,
                            .control_points = frame->renderer.control_points,
@@ -78,6 +105,7 @@ static int fly_frames(const struct flight *flight, const struct replay_params *p
                       struct report *report, struct diag *diag)
 {
     uint64_t frames = frame_count(flight, params);
+    struct arrival arrival = {0};
     nsec_t start_ns = clock_monotonic_ns();
     warm_up(channel, flight, utc_ns);
     for (uint64_t i = 0; i < frames; i++) {
@@ -94,7 +122,8 @@ static int fly_frames(const struct flight *flight, const struct replay_params *p
         if (frame.renderer.failed)
             return diag_set(diag, -ENODEV, "%s, at frame %llu", CHANNEL_LOST,
                             (unsigned long long)i);
-        record_frame(report, params, seconds_from_ns(time_ns), channel, &frame);
+        find_arrival(flight, params, time_ns, start_ns, frame.finished_ns, &arrival);
+        record_frame(report, params, seconds_from_ns(time_ns), channel, &frame, &arrival);
         if (output) {
             frame_output_take(output, channel_renderer(channel), i, &frame.view);
             if (frame_output_error(output) < 0)

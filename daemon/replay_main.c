@@ -41,7 +41,8 @@ struct replay_options {
 };
 
 static const struct argp_option known[] = {
-    {"config", 'c', "FILE", 0, "channel, display, terrain and environment from a configuration", 0},
+    {"config", 'c', "FILE", 0,
+     "channel, display, terrain, environment, DIS entity and CAN table from a configuration", 0},
     {"terrain", OPT_TERRAIN, "DB", 0, "a terrain database (default: the embedded planet)", 0},
     {"geoid", OPT_GEOID, "egm96|FILE", 0, "the geoid of heights above mean sea level", 0},
     {"size", OPT_SIZE, "WxH", 0, "pixels (default 1024x576)", 0},
@@ -61,7 +62,7 @@ static const struct argp_option known[] = {
      "write latitude, longitude and height of every pixel as DIR/frame-%06d.tif", 0},
     {"report", OPT_REPORT, "DIR", 0, "write report.json, frames.csv and report.html", 0},
     {"protocol", OPT_PROTOCOL, "NAME", 0,
-     "of a pcap: native or flightgear (default: found out packet by packet)", 0},
+     "of a pcap: native, flightgear, xplane or dis (default: found out packet by packet)", 0},
     {"json", OPT_JSON, NULL, 0, "print the report as JSON", 0},
     {"quiet", 'q', NULL, 0, "print errors only", 0},
     {0},
@@ -147,7 +148,8 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
     case OPT_PROTOCOL:
         options->force_protocol = true;
         if (pose_protocol_from_name(argument, &options->protocol) < 0)
-            argp_error(state, "--protocol takes native or flightgear, not \"%s\"", argument);
+            argp_error(state, "--protocol takes native, flightgear, xplane or dis, not \"%s\"",
+                       argument);
         return 0;
     case OPT_JSON:
         options->json = true;
@@ -177,6 +179,16 @@ static error_t parse_config_only(int key, char *argument, struct argp_state *sta
 
 static const struct argp config_parser = {.options = known, .parser = parse_config_only};
 
+/* The first source of that type in the configuration, or NULL. */
+static const struct config_source *find_source(const struct config *config,
+                                               enum config_source_type type)
+{
+    for (unsigned i = 0; i < config->sources_count; i++)
+        if (config->sources[i].type == type)
+            return &config->sources[i];
+    return NULL;
+}
+
 static int load_flight(const struct replay_options *options, struct flight **ret_flight,
                        struct diag *diag)
 {
@@ -187,6 +199,15 @@ static int load_flight(const struct replay_options *options, struct flight **ret
     struct flight_params params = {.geoid = geoid_function_of(geoid),
                                    .force_protocol = options->force_protocol,
                                    .protocol = options->protocol};
+    const struct config_source *dis = find_source(&options->config, CONFIG_SOURCE_DIS);
+    const struct config_source *bus = find_source(&options->config, CONFIG_SOURCE_CAN_TABLE);
+    struct can_table table;
+    if (dis)
+        params.dis = (struct dis_filter){.exercise = dis->exercise, .id = dis->entity_id};
+    if (bus) {
+        table = config_can_table(bus);
+        params.table = &table;
+    }
     r = flight_load(options->flight, &params, ret_flight, diag);
     if (r == 0 && (*ret_flight)->note.text[0] && !options->quiet)
         fprintf(stderr, "otwd: %s\n", (*ret_flight)->note.text);

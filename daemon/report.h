@@ -13,7 +13,8 @@ struct report_frame {
     double time_s; /* of the flight */
     float frame_ms, gpu_ms, cpu_ms;
     float upload_ms, terrain_ms, shade_ms; /* of gpu_ms */
-    float latency_ms;  /* kernel receive stamp to finished frame; NaN without one */
+    float latency_ms;  /* arrival of the newest pose to the first finished frame that reaches it,
+                          else NaN */
     float pose_age_ms; /* NaN without a pose */
     uint32_t triangles, control_points, upload_bytes;
     float pixel_error; /* that levels reached far enough for */

@@ -8,6 +8,7 @@
 #include "daemon/cli.h"
 #include "daemon/commands.h"
 #include "daemon/geoid_function.h"
+#include "io/cigi_sender.h"
 #include "io/sender.h"
 
 enum {
@@ -18,11 +19,15 @@ enum {
     OPT_JITTER,
     OPT_LOSS,
     OPT_REORDER,
-    OPT_SEED
+    OPT_SEED,
+    OPT_SYNC,
+    OPT_LISTEN,
+    OPT_DATABASE
 };
 
 struct send_options {
     struct send_params params;
+    struct cigi_send_params cigi; /* where params.protocol says so */
     const char *flight, *url;
     bool quiet;
 };
@@ -32,8 +37,8 @@ static atomic_bool stopping;
 static const struct argp_option known[] = {
     {"to", OPT_TO, "URL", 0, "udp://HOST:PORT, can:INTERFACE or sim:PATH", 0},
     {"protocol", OPT_PROTOCOL, "NAME", 0,
-     "native, flightgear or canaerospace (default: native, "
-     "over CAN canaerospace)",
+     "native, flightgear, xplane, dis, canaerospace, cigi3 or cigi4 (default: native, over CAN "
+     "canaerospace)",
      0},
     {"rate", OPT_RATE, "HZ", 0, "poses a second (default 60)", 0},
     {"speed", OPT_SPEED, "X", 0, "flight seconds a second (default 1)", 0},
@@ -42,9 +47,40 @@ static const struct argp_option known[] = {
     {"reorder", OPT_REORDER, "P", 0, "chance of a packet to change places with the next, 0 to 1",
      0},
     {"seed", OPT_SEED, "N", 0, "of jitter, loss and reordering (default 1)", 0},
+    {"sync", OPT_SYNC, NULL, 0, "CIGI: answer each Start of Frame, at its rate", 0},
+    {"listen", OPT_LISTEN, "ADDRESS:PORT", 0,
+     "CIGI: where Start of Frame comes to (default 127.0.0.1:8005)", 0},
+    {"database", OPT_DATABASE, "N", 0, "CIGI: the database to ask for first, 1 to 127", 0},
     {"quiet", 'q', NULL, 0, "print errors only", 0},
     {0},
 };
+
+/* "cigi3" is 3.3. */
+static bool parse_protocol(struct send_options *options, const char *name)
+{
+    if (strcmp(name, "cigi3") != 0 && strcmp(name, "cigi4") != 0)
+        return pose_protocol_from_name(name, &options->params.protocol) == 0 &&
+               options->params.protocol != POSE_PROTOCOL_CIGI;
+    bool four = name[4] == '4';
+    options->params.protocol = POSE_PROTOCOL_CIGI;
+    options->cigi.format = (struct cigi_format){.major = four ? 4 : 3, .minor = four ? 0 : 3};
+    return true;
+}
+
+/* What each protocol has options of its own for. */
+static void check_options(const struct send_options *options, struct argp_state *state)
+{
+    const struct send_params *params = &options->params;
+    const struct cigi_send_params *cigi = &options->cigi;
+    bool disturbs = params->jitter_ms > 0.0 || params->loss > 0.0 || params->reorder > 0.0;
+    if (!options->url)
+        argp_error(state, "--to URL is missing");
+    if (params->protocol == POSE_PROTOCOL_CIGI && disturbs)
+        argp_error(state, "--jitter-ms, --loss and --reorder do not go with CIGI");
+    if (params->protocol != POSE_PROTOCOL_CIGI &&
+        (cigi->synchronous || cigi->listen || cigi->database))
+        argp_error(state, "--sync, --listen and --database go with --protocol cigi3 or cigi4");
+}
 
 static error_t parse_option(int key, char *argument, struct argp_state *state)
 {
@@ -58,8 +94,11 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
         options->url = argument;
         return 0;
     case OPT_PROTOCOL:
-        if (pose_protocol_from_name(argument, &params->protocol) < 0)
-            argp_error(state, "--protocol takes native, flightgear or canaerospace, not \"%s\"",
+        if (!parse_protocol(options, argument))
+            argp_error(state,
+                       "--protocol takes native, flightgear, xplane, dis, canaerospace, cigi3 or "
+                       "cigi4, not "
+                       "\"%s\"",
                        argument);
         return 0;
     case OPT_RATE:
@@ -80,9 +119,17 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
     case OPT_SEED:
         params->seed = (uint64_t)cli_number(state, "seed", argument, 0.0, 1e15);
         return 0;
+    case OPT_SYNC:
+        options->cigi.synchronous = true;
+        return 0;
+    case OPT_LISTEN:
+        options->cigi.listen = argument;
+        return 0;
+    case OPT_DATABASE:
+        options->cigi.database = (uint8_t)cli_number(state, "database", argument, 1.0, 127.0);
+        return 0;
     case ARGP_KEY_SUCCESS:
-        if (!options->url)
-            argp_error(state, "--to URL is missing");
+        check_options(options, state);
         return 0;
     default:
         return cli_argument(key, argument, state, "FLIGHT", &options->flight);
@@ -109,6 +156,40 @@ static bool is_can(const char *url)
     return strncmp(url, "can:", 4) == 0 || strncmp(url, "sim:", 4) == 0;
 }
 
+static int send_poses(const struct flight *flight, const struct send_options *options,
+                      struct diag *diag)
+{
+    struct send_schedule *schedule = NULL;
+    struct send_result result = {0};
+    int r = send_schedule_create(flight, &options->params, &schedule, diag);
+    if (r < 0)
+        return r;
+    r = send_run(schedule, options->url, options->params.protocol, &stopping, &result, diag);
+    if (r == 0 && !options->quiet)
+        printf("%llu packets sent, %llu left out, %llu refused\n", (unsigned long long)result.sent,
+               (unsigned long long)schedule->left_out, (unsigned long long)result.failed);
+    /* A refusal is heard of at the next packet, so of those to a closed port about half are. */
+    if (r == 0 && result.failed > 0 && result.failed + 1 >= result.sent)
+        r = diag_set(diag, -ECONNREFUSED, "%s: nobody takes the packets there", options->url);
+    send_schedule_destroy(schedule);
+    return r;
+}
+
+static int send_cigi(const struct flight *flight, struct send_options *options, struct diag *diag)
+{
+    struct cigi_send_result result;
+    options->cigi.rate_hz = options->params.rate_hz;
+    options->cigi.speed = options->params.speed;
+    int r = cigi_send_run(flight, options->url, &options->cigi, &stopping, &result, diag);
+    if (r == 0 && !options->quiet)
+        printf("%llu messages sent, %llu refused; %llu Starts of Frame, %llu gaps in their "
+               "numbers, %llu refused, %llu not in step\n",
+               (unsigned long long)result.sent, (unsigned long long)result.failed,
+               (unsigned long long)result.starts, (unsigned long long)result.gaps,
+               (unsigned long long)result.refused, (unsigned long long)result.unheld);
+    return r;
+}
+
 int send_main(int argc, char **argv)
 {
     struct send_options options = {.params = {.protocol = POSE_PROTOCOLS, .seed = 1}};
@@ -121,8 +202,6 @@ int send_main(int argc, char **argv)
     struct diag diag = {0};
     struct geoid *geoid = NULL;
     struct flight *flight = NULL;
-    struct send_schedule *schedule = NULL;
-    struct send_result result = {0};
     int r = geoid_setup_open("egm96", &geoid, &diag);
     options.params.geoid = geoid_function_of(geoid);
     struct flight_params flight_params = {.geoid = options.params.geoid};
@@ -130,20 +209,12 @@ int send_main(int argc, char **argv)
         r = flight_load(options.flight, &flight_params, &flight, &diag);
     if (flight && flight->note.text[0] && !options.quiet)
         fprintf(stderr, "otwd: %s\n", flight->note.text);
-    if (r == 0)
-        r = send_schedule_create(flight, &options.params, &schedule, &diag);
     if (r == 0) {
-        r = send_run(schedule, options.url, options.params.protocol, &stopping, &result, &diag);
+        r = options.params.protocol == POSE_PROTOCOL_CIGI ? send_cigi(flight, &options, &diag)
+                                                          : send_poses(flight, &options, &diag);
         if (r < 0 && r != -EINVAL && r != -ENOMEM)
             r = -ENODEV; /* not a file: the target cannot be reached */
     }
-    if (r == 0 && !options.quiet)
-        printf("%llu packets sent, %llu left out, %llu refused\n", (unsigned long long)result.sent,
-               (unsigned long long)schedule->left_out, (unsigned long long)result.failed);
-    /* A refusal is heard of at the next packet, so of those to a closed port about half are. */
-    if (r == 0 && result.failed > 0 && result.failed + 1 >= result.sent)
-        r = diag_set(&diag, -ECONNREFUSED, "%s: nobody takes the packets there", options.url);
-    send_schedule_destroy(schedule);
     flight_destroy(flight);
     geoid_close(geoid);
     return r < 0 ? cli_fail(r, &diag) : EX_OK;

@@ -21,6 +21,19 @@ void service_publish(struct service *service)
         render_thread_publish(service->render, &service->input);
 }
 
+void service_set_time(struct service *service, nsec_t utc_offset_ns)
+{
+    service->follow_clock = false;
+    service->input.utc_offset_ns = utc_offset_ns;
+}
+
+void service_reset_time(struct service *service)
+{
+    nsec_t utc_ns = service->config.environment.time_utc_ns;
+    service->follow_clock = utc_ns == 0;
+    service->input.utc_offset_ns = utc_ns - clock_monotonic_ns();
+}
+
 void service_set_fault(struct service *service, enum fault_code code, bool active,
                        const char *sentence)
 {
@@ -163,6 +176,7 @@ void service_destroy(struct service *service)
         return;
     sources_close(service);
     service_stop_render(service);
+    service_stop_cigi(service);
     dig_thread_stop(service->dig); /* nobody draws its ground any more */
     service_modbus_close(service);
     recorder_close(service->recorder);

@@ -17,8 +17,7 @@ static void set_utc_minutes(struct service *service, unsigned minutes)
 {
     nsec_t now_ns = clock_monotonic_ns(), utc_ns = now_ns + service->input.utc_offset_ns;
     nsec_t midnight_ns = utc_ns - utc_ns % DAY_NS;
-    service->input.utc_offset_ns = midnight_ns + minutes * MINUTE_NS - now_ns;
-    service->follow_clock = false;
+    service_set_time(service, midnight_ns + minutes * MINUTE_NS - now_ns);
 }
 
 /* The picture's name is the time at which it was asked for, so that runs do not overwrite each
@@ -251,11 +250,9 @@ void service_reload(struct service *service)
     take_health(service, &next);
     service->config.pose = next.pose;
     service->config.environment = next.environment;
-    service->input.policy = config_pose_policy(&next);
+    service->input.motion = config_motion(&service->config, service->driving);
     service->input.visibility_m = next.environment.visibility_m;
-    service->follow_clock = next.environment.time_utc_ns == 0;
-    if (!service->follow_clock)
-        service->input.utc_offset_ns = next.environment.time_utc_ns - clock_monotonic_ns();
+    service_reset_time(service);
     service->generation++;
     service_publish(service);
     log_notice("configuration %u: pose, environment, sources and health are those of %s",

@@ -6,9 +6,11 @@
 #include "daemon/dig_thread.h"
 #include "daemon/health_collect.h"
 #include "daemon/log.h"
+#include "daemon/query_thread.h"
 #include "daemon/recorder.h"
 #include "daemon/render_thread.h"
 #include "daemon/service.h"
+#include "daemon/service_cigi.h"
 #include "geo/geographic.h"
 #include "io/arbiter.h"
 #include "io/modbus_server.h"
@@ -23,6 +25,7 @@ struct source_slot {
     const struct config_source *config;
     unsigned index;             /* in the configuration and in the arbiter */
     struct pose_source *source; /* NULL while it cannot be opened */
+    struct cigi_source *cigi;   /* of sources of that type, as long as `source` */
     sd_event_source *event;
     nsec_t retry_ns;
     /* When it last could not be read, refused a packet, or lost one to a full queue; 0 = never. */
@@ -59,12 +62,15 @@ struct service {
 
     struct render_thread *render;
     struct render_params render_params; /* what it was started with, for starting it anew */
-    sd_event_source *render_event;
-    unsigned rebuilds;         /* how often the GPU was lost */
-    nsec_t lost_ns;            /* when it last was; 0 = never */
-    struct render_input input; /* as published last */
-    bool rendering;            /* its channel runs */
-    struct dig_thread *dig;    /* NULL where nobody may dig, or nobody can */
+    sd_event_source *render_event, *begin_event;
+    unsigned rebuilds;            /* how often the GPU was lost */
+    nsec_t lost_ns;               /* when it last was; 0 = never */
+    struct render_input input;    /* as published last */
+    bool rendering;               /* its channel runs */
+    struct dig_thread *dig;       /* NULL where nobody may dig, or nobody can */
+    struct query_thread *queries; /* NULL where no source asks of the ground */
+    sd_event_source *queries_event;
+    struct cigi_ground ground; /* theirs */
     struct recorder *recorder;
     struct modbus_server *modbus;
     sd_event_source *modbus_event;
@@ -91,6 +97,11 @@ void service_fail(struct service *service, enum fault_code code, const char *sen
 void service_set_fault(struct service *service, enum fault_code code, bool active,
                        const char *sentence);
 
+/* The sun stands where that offset from monotonic time to UTC puts it; or where the configuration
+ * does. */
+void service_set_time(struct service *service, nsec_t utc_offset_ns);
+void service_reset_time(struct service *service);
+
 /* service_render.c */
 int service_open_window(struct service *service, struct diag *diag);
 void service_close_window(struct service *service);
@@ -103,6 +114,11 @@ void sources_init(struct service *service);
 /* Opens what is due; looks who is live; hands a change of the driving source to the picture. */
 void sources_tick(struct service *service, nsec_t now_ns);
 void sources_close(struct service *service);
+/* A new pose of a source: it drives where that source is the best. */
+void source_take_pose(struct source_slot *slot, const struct pose *pose);
+/* The pose goes to the picture and to the recording, without being a sign of life. A source that
+ * tells no attitude leaves it as it was. */
+void sources_drive(struct service *service, int index, const struct pose *pose);
 /* Fills what the sources tell. */
 void sources_fill(const struct service *service, nsec_t now_ns, struct health *health);
 
@@ -125,5 +141,7 @@ void service_modbus_close(struct service *service);
 void service_reload(struct service *service);
 
 /* config_service.c: the configuration as the parts' parameters. */
-struct pose_policy config_pose_policy(const struct config *config);
+/* `source`: the index of the one that drives, or negative. A host that leads each frame
+ * (synchronous CIGI) says itself where things are in it. */
+struct motion_params config_motion(const struct config *config, int source);
 struct intake_params config_intake(const struct config_source *source, struct geoid *geoid);

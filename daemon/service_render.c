@@ -103,6 +103,8 @@ static int start_thread(struct service *service, struct diag *diag)
         sd_event_add_io(service->loop, &service->render_event, render_thread_fd(service->render),
                         EPOLLIN, on_render, service) < 0)
         r = diag_set(diag, -EIO, "the event loop does not take the render thread");
+    if (r == 0 && service_watch_begin(service) < 0)
+        r = diag_set(diag, -EIO, "the event loop does not take the render thread");
     return r;
 }
 
@@ -124,13 +126,13 @@ int service_start_render(struct service *service, struct diag *diag)
     service_open_dig(service, channel->terrain_path);
     if (service->dig)
         channel->dig = dig_thread_ground(service->dig);
-    service->follow_clock = config->environment.time_utc_ns == 0;
     service->input = (struct render_input){
         .pose = start,
-        .policy = config_pose_policy(config),
+        .geometry = channel->geometry,
+        .motion = config_motion(config, ARBITER_NONE),
         .visibility_m = config->environment.visibility_m,
-        .utc_offset_ns = config->environment.time_utc_ns - clock_monotonic_ns(),
     };
+    service_reset_time(service);
     service_publish(service); /* the offset of the system clock */
     return start_thread(service, diag);
 }
@@ -139,6 +141,7 @@ void service_stop_render(struct service *service)
 {
     struct diag diag;
     service->render_event = sd_event_source_disable_unref(service->render_event);
+    service->begin_event = sd_event_source_disable_unref(service->begin_event);
     if (render_thread_stop(service->render, &diag) < 0)
         log_error("a snapshot was not written: %s", diag.text);
     service->render = NULL;

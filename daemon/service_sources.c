@@ -8,16 +8,18 @@
 
 #include "daemon/geoid_function.h"
 
-#define RETRY_NS NSEC_PER_SEC
-#define HOLD_NS  (2 * NSEC_PER_SEC) /* how long a refusal or a failed read counts as a fault */
+#define RETRY_NS           NSEC_PER_SEC
+#define CARRIED_SILENCE_NS (250 * NSEC_PER_MSEC)
+#define HOLD_NS            (2 * NSEC_PER_SEC) /* how long a refusal or a failed read counts as a fault */
 
-struct pose_policy config_pose_policy(const struct config *config)
+struct motion_params config_motion(const struct config *config, int source)
 {
-    return (struct pose_policy){
-        .mode = config->pose.mode == CONFIG_POSE_LATEST ? POSE_MODE_HOLD : POSE_MODE_EXTRAPOLATE,
-        .on_loss = config->pose.on_loss == CONFIG_ON_LOSS_FREEZE ? POSE_ON_LOSS_FREEZE
-                                                                 : POSE_ON_LOSS_COAST,
-        .max_extrapolation_ns = config->pose.max_extrapolation_ms * NSEC_PER_MSEC,
+    bool led = source >= 0 && config->sources[source].sync_wait_ms > 0;
+    return (struct motion_params){
+        .latest = config->pose.mode == CONFIG_POSE_LATEST || led,
+        .freeze = config->pose.on_loss == CONFIG_ON_LOSS_FREEZE,
+        .delay_ns = config->pose.delay_ms * NSEC_PER_MSEC,
+        .extrapolate_ns = config->pose.max_extrapolation_ms * NSEC_PER_MSEC,
     };
 }
 
@@ -27,44 +29,64 @@ struct intake_params config_intake(const struct config_source *source, struct ge
         [CONFIG_SOURCE_NATIVE] = POSE_PROTOCOL_NATIVE,
         [CONFIG_SOURCE_FLIGHTGEAR] = POSE_PROTOCOL_FLIGHTGEAR,
         [CONFIG_SOURCE_CANAEROSPACE] = POSE_PROTOCOL_CANAEROSPACE,
+        [CONFIG_SOURCE_CIGI] = POSE_PROTOCOL_CIGI,
+        [CONFIG_SOURCE_XPLANE] = POSE_PROTOCOL_XPLANE,
+        [CONFIG_SOURCE_DIS] = POSE_PROTOCOL_DIS,
+        [CONFIG_SOURCE_CAN_TABLE] = POSE_PROTOCOL_CAN_TABLE,
     };
     return (struct intake_params){
         .protocol = protocols[source->type],
         .force_datum = source->altitude != CONFIG_ALTITUDE_DEFAULT,
         .datum = source->altitude == CONFIG_ALTITUDE_EGM96 ? ALTITUDE_EGM96 : ALTITUDE_ELLIPSOID,
+        .smooth = true,
         .geoid = geoid_function_of(geoid),
+        .dis = {.exercise = source->exercise, .id = source->entity_id},
+        .table = config_can_table(source),
     };
 }
 
-/* The newest pose of the source that drives goes to the picture and to the recording. A source that
- * tells no attitude leaves it as it was. */
-static void drive(struct service *service, int index, const struct pose *pose)
+void sources_drive(struct service *service, int index, const struct pose *pose)
 {
     struct attitude attitude = service->input.pose.attitude;
     service->input.pose = *pose;
     if (!(pose->valid & POSE_ATTITUDE))
         service->input.pose.attitude = attitude;
+    service->input.source = index;
+    service->input.motion = config_motion(&service->config, index);
     service->input.live = true;
     service->has_pose = true;
     service->driving = index;
+    if (service->render)
+        render_thread_pose(service->render, index, &service->input.pose);
     service_publish(service);
     if (service->recorder)
         otwlog_add_pose(recorder_writer(service->recorder), (unsigned)index, pose);
 }
 
-static void on_pose(void *context, struct pose_source *source, const struct pose *pose)
+void source_take_pose(struct source_slot *slot, const struct pose *pose)
 {
-    struct source_slot *slot = context;
     struct service *service = slot->service;
     if (arbiter_offer(&service->arbiter, (int)slot->index, pose, clock_monotonic_ns()))
-        drive(service, (int)slot->index, pose);
+        sources_drive(service, (int)slot->index, pose);
+}
+
+static void on_pose(void *context, struct pose_source *source, const struct pose *pose)
+{
+    source_take_pose(context, pose);
+}
+
+static int on_message(void *context, const void *data, size_t size, nsec_t receive_ns,
+                      struct intake_counters *counters, struct rejection *ret_rejection)
+{
+    const struct source_slot *slot = context;
+    return cigi_source_message(slot->cigi, data, size, receive_ns, counters, ret_rejection);
 }
 
 static void on_packet(void *context, struct pose_source *source, const void *data, size_t size,
                       nsec_t receive_ns)
 {
     struct source_slot *slot = context;
-    if (slot->service->recorder)
+    if (slot->service->recorder && size <= OTWLOG_PAYLOAD_MAX)
         otwlog_add_packet(recorder_writer(slot->service->recorder), slot->index, data, size,
                           receive_ns);
 }
@@ -111,6 +133,7 @@ static int on_readable(sd_event_source *event, int fd, uint32_t revents, void *d
                                               .pose = on_pose,
                                               .packet = on_packet,
                                               .dig = on_dig,
+                                              .message = on_message,
                                               .trouble = on_trouble};
     nsec_t now_ns = clock_monotonic_ns();
     pose_source_dispatch(slot->source, now_ns, &events);
@@ -124,10 +147,20 @@ static int on_readable(sd_event_source *event, int fd, uint32_t revents, void *d
 
 static void endpoint_of(const struct config_source *config, char *ret_text, size_t size)
 {
-    bool bus = config->type == CONFIG_SOURCE_CANAEROSPACE;
+    bool bus = config_source_is_bus(config);
     bool simulated = strncmp(config->interface, "sim:", 4) == 0;
     snprintf(ret_text, size, "%s%s", bus && !simulated ? "can:" : "",
              bus ? config->interface : config->listen);
+}
+
+static void close_slot(struct source_slot *slot)
+{
+    sd_event_source_disable_unref(slot->event);
+    cigi_source_destroy(slot->cigi);
+    pose_source_close(slot->source);
+    slot->event = NULL;
+    slot->cigi = NULL;
+    slot->source = NULL;
 }
 
 static int open_source(struct source_slot *slot, struct diag *diag)
@@ -144,14 +177,21 @@ static int open_source(struct source_slot *slot, struct diag *diag)
         .intake = config_intake(config, slot->service->geoid),
         .priority = config->priority,
         .timeout_ns = config->timeout_ms * NSEC_PER_MSEC,
+        .subscribe = config->subscribe,
+        .rate_hz = config->rate_hz,
+        .transmit = config->allow_transmit,
         .allow = allow,
         .allow_count = config->allow_count,
     };
     int r = pose_source_open(&params, &slot->source, diag);
+    if (r >= 0 && config->type == CONFIG_SOURCE_CIGI &&
+        cigi_source_create(slot, &slot->cigi, diag) < 0) {
+        close_slot(slot);
+        return -ENOMEM;
+    }
     if (r >= 0 && sd_event_add_io(slot->service->loop, &slot->event, pose_source_fd(slot->source),
                                   EPOLLIN, on_readable, slot) < 0) {
-        pose_source_close(slot->source);
-        slot->source = NULL;
+        close_slot(slot);
         r = diag_set(diag, -EIO, "source %s: the event loop does not take it", config->name);
     }
     return r;
@@ -178,7 +218,7 @@ static bool works(const struct source_slot *slot, nsec_t now_ns)
 {
     if (!slot->source || (slot->failed_ns && now_ns - slot->failed_ns < HOLD_NS))
         return false;
-    return pose_source_protocol(slot->source) != POSE_PROTOCOL_CANAEROSPACE ||
+    return !config_source_is_bus(slot->config) ||
            pose_source_can_state(slot->source) != CAN_STATE_NONE;
 }
 
@@ -254,6 +294,13 @@ static void on_switch(void *context, int from, int to)
     log_notice("%s drives, before it %s", name_of(service, to), name_of(service, from));
 }
 
+/* How long a source may give no pose. One of DIS gives some until its entity counts as lost. */
+static nsec_t silence_ns(const struct config_source *config)
+{
+    return config->type == CONFIG_SOURCE_DIS ? CARRIED_SILENCE_NS
+                                             : config->timeout_ms * NSEC_PER_MSEC;
+}
+
 void sources_init(struct service *service)
 {
     arbiter_init(&service->arbiter, on_switch, service);
@@ -261,13 +308,14 @@ void sources_init(struct service *service)
     for (unsigned i = 0; i < service->config.sources_count; i++) {
         const struct config_source *config = &service->config.sources[i];
         service->slots[i] = (struct source_slot){.service = service, .config = config, .index = i};
-        arbiter_add(&service->arbiter, config->priority, config->timeout_ms * NSEC_PER_MSEC);
+        arbiter_add(&service->arbiter, config->priority, silence_ns(config));
         if (service->recorder)
             otwlog_add_source(recorder_writer(service->recorder), i,
                               config_intake(config, NULL).protocol, config->name,
                               clock_monotonic_ns());
     }
     service->slot_count = service->config.sources_count;
+    service_start_cigi(service);
 }
 
 void sources_tick(struct service *service, nsec_t now_ns)
@@ -276,7 +324,7 @@ void sources_tick(struct service *service, nsec_t now_ns)
         tick_slot(&service->slots[i], now_ns);
     int active = arbiter_update(&service->arbiter, now_ns);
     if (active != ARBITER_NONE && active != service->driving) {
-        drive(service, active, &service->arbiter.sources[active].pose);
+        sources_drive(service, active, &service->arbiter.sources[active].pose);
     } else if (service->input.live != (active != ARBITER_NONE)) {
         service->input.live = active != ARBITER_NONE;
         service_publish(service);
@@ -294,7 +342,7 @@ static void add_counters(const struct source_slot *slot, struct source_totals *t
     /* A packet lost to a full queue may have left a gap, too: it is counted once. */
     uint64_t drops = pose_source_kernel_drops(slot->source);
     totals->lost += counters->lost > drops ? counters->lost : drops;
-    if (slot->config->type == CONFIG_SOURCE_CANAEROSPACE)
+    if (config_source_is_bus(slot->config))
         totals->can_frames += counters->received;
 }
 
@@ -302,9 +350,7 @@ void sources_close(struct service *service)
 {
     for (unsigned i = 0; i < service->slot_count; i++) {
         add_counters(&service->slots[i], &service->closed);
-        sd_event_source_disable_unref(service->slots[i].event);
-        pose_source_close(service->slots[i].source);
-        service->slots[i].source = NULL;
+        close_slot(&service->slots[i]);
     }
 }
 
@@ -315,7 +361,7 @@ void sources_fill(const struct service *service, nsec_t now_ns, struct health *h
     health->can_state = HEALTH_CAN_NONE;
     for (unsigned i = 0; i < service->slot_count; i++) {
         const struct source_slot *slot = &service->slots[i];
-        bool can = slot->config->type == CONFIG_SOURCE_CANAEROSPACE;
+        bool can = config_source_is_bus(slot->config);
         enum can_state state = slot->source ? pose_source_can_state(slot->source) : CAN_STATE_NONE;
         can_good &= !can || state == CAN_STATE_ACTIVE;
         if ((unsigned)state > health->can_state)

@@ -30,7 +30,10 @@ enum pose_valid {
 struct pose {
     nsec_t time_ns;    /* monotonic instant that the pose is valid for */
     nsec_t receive_ns; /* monotonic instant at which the kernel received it */
-    uint32_t valid;    /* enum pose_valid bits */
+    /* By how much the position was measured before: its source carried it here with the velocity.
+     */
+    nsec_t position_age_ns;
+    uint32_t valid; /* enum pose_valid bits */
     struct geodetic position;
     struct attitude attitude;
     double velocity_ned_mps[3];

@@ -60,20 +60,3 @@ nsec_t arbiter_age_ns(const struct arbiter *arbiter, nsec_t now_ns)
     nsec_t age_ns = now_ns - arbiter->sources[arbiter->active].pose.time_ns;
     return age_ns > 0 ? age_ns : 0;
 }
-
-void pose_for_frame(const struct pose_policy *policy, const struct pose *newest, bool is_live,
-                    nsec_t frame_ns, struct pose *ret_pose)
-{
-    nsec_t ahead_ns = frame_ns - newest->time_ns;
-    if (ahead_ns > policy->max_extrapolation_ns)
-        ahead_ns = policy->max_extrapolation_ns;
-    if (ahead_ns < -policy->max_extrapolation_ns)
-        ahead_ns = -policy->max_extrapolation_ns;
-    bool hold =
-        policy->mode == POSE_MODE_HOLD || (!is_live && policy->on_loss == POSE_ON_LOSS_FREEZE);
-    if (hold || ahead_ns == 0) {
-        *ret_pose = *newest;
-        return;
-    }
-    pose_extrapolate(newest, seconds_from_ns(ahead_ns), ret_pose);
-}

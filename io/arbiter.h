@@ -40,24 +40,3 @@ int arbiter_update(struct arbiter *arbiter, nsec_t now_ns);
 
 /* Nanoseconds since the active source's newest pose was valid; -1 where none is active. */
 nsec_t arbiter_age_ns(const struct arbiter *arbiter, nsec_t now_ns);
-
-/* What a frame does with the newest pose. */
-enum pose_mode {
-    POSE_MODE_EXTRAPOLATE, /* carried to the frame's own time */
-    POSE_MODE_HOLD,        /* as received */
-};
-
-enum pose_on_loss {
-    POSE_ON_LOSS_COAST,  /* carried on until the limit, then held there */
-    POSE_ON_LOSS_FREEZE, /* held as last received */
-};
-
-struct pose_policy {
-    enum pose_mode mode;
-    enum pose_on_loss on_loss;
-    nsec_t max_extrapolation_ns;
-};
-
-/* The pose that a frame at `frame_ns` shows; `live` says whether any source is. */
-void pose_for_frame(const struct pose_policy *policy, const struct pose *newest, bool live,
-                    nsec_t frame_ns, struct pose *ret_pose);

@@ -23,10 +23,10 @@ enum can_state {
     CAN_STATE_BUS_OFF,
 };
 
-#define CAN_BUS_IDS_MAX 64
+#define CAN_BUS_IDS_MAX 80
 
 struct can_bus_params {
-    const uint32_t *ids; /* receive only these 11-bit identifiers; copied; NULL = all */
+    const uint32_t *ids; /* receive only these, of 29 bits with CAN_EFF_FLAG; copied; NULL = all */
     size_t id_count;     /* at most CAN_BUS_IDS_MAX */
     bool serve;          /* sim: become the hub where there is none; else only join one */
 };

@@ -20,14 +20,16 @@ struct can_socket {
     unsigned drops_seen;
 };
 
-/* Exactly the wanted 11-bit identifiers: the flags in the mask keep 29-bit and remote frames out.
- */
+/* Exactly the wanted identifiers: the flags in the mask keep the other length and remote frames
+ * out. */
 static int set_filters(struct can_bus *bus)
 {
     struct can_filter filters[CAN_BUS_IDS_MAX];
     for (size_t i = 0; i < bus->id_count; i++)
-        filters[i] = (struct can_filter){.can_id = bus->ids[i],
-                                         .can_mask = CAN_SFF_MASK | CAN_EFF_FLAG | CAN_RTR_FLAG};
+        filters[i] = (struct can_filter){
+            .can_id = bus->ids[i],
+            .can_mask = (bus->ids[i] & CAN_EFF_FLAG ? CAN_EFF_MASK : CAN_SFF_MASK) | CAN_EFF_FLAG |
+                        CAN_RTR_FLAG};
     can_err_mask_t errors = CAN_ERR_TX_TIMEOUT | CAN_ERR_CRTL | CAN_ERR_BUSOFF | CAN_ERR_RESTARTED;
     if (setsockopt(bus->fd, SOL_CAN_RAW, CAN_RAW_ERR_FILTER, &errors, sizeof(errors)) < 0)
         return -errno;

@@ -137,6 +137,30 @@ int cigi_scene_entity_pose(const struct cigi_scene *scene, uint16_t entity,
     return r;
 }
 
+size_t cigi_scene_seen(const struct cigi_scene *scene, uint16_t except,
+                       const struct cigi_ground *ground, struct cigi_seen *ret_seen,
+                       size_t capacity)
+{
+    size_t count = 0;
+    for (size_t i = 0; i < scene->entities.count && count < capacity; i++) {
+        const struct cigi_entity *entity = cigi_table_at(&scene->entities, i);
+        const struct cigi_entity_control *control = &entity->control;
+        struct pose pose;
+        if (entity->id == except || control->state != CIGI_ACTIVE ||
+            cigi_scene_entity_pose(scene, (uint16_t)entity->id, ground, &pose) < 0)
+            continue;
+        struct cigi_seen seen = {.entity = (uint16_t)entity->id,
+                                 .type = control->type,
+                                 .kind = control->extended ? control->dis_kind : 0,
+                                 .domain = control->extended ? control->dis_domain : 0,
+                                 .alpha = control->alpha};
+        geocentric_from_geodetic(&pose.position, seen.ecef_m);
+        seen.ecef_from_body = ecef_quaternion_from_attitude(&pose.position, &pose.attitude);
+        ret_seen[count++] = seen;
+    }
+    return count;
+}
+
 int cigi_scene_eye_pose(const struct cigi_scene *scene, uint16_t id,
                         const struct cigi_ground *ground, struct pose *ret_pose)
 {

@@ -49,9 +49,13 @@ void cigi_requests_reset(struct cigi_requests *requests);
 int cigi_requests_take(struct cigi_requests *requests, const struct cigi_packet *packet,
                        struct rejection *ret_rejection);
 
-/* A frame begins: periodic requests fall due, and all get their places in the scene. Those that
- * cannot are answered as invalid and counted by reason. */
+/* A frame begins: periodic requests fall due, and those that have waited too long are answered. */
 void cigi_requests_begin(struct cigi_requests *requests, const struct cigi_scene *scene,
+                         uint64_t rejected[REJECT_REASONS]);
+
+/* Those that have no place yet get it in the scene, as of the frame of the host that asked. Those
+ * that have none are answered as invalid and counted by reason. */
+void cigi_requests_place(struct cigi_requests *requests, const struct cigi_scene *scene,
                          const struct cigi_ground *ground, uint32_t host_frame,
                          uint64_t rejected[REJECT_REASONS]);
 

@@ -6,6 +6,7 @@
  * cigi_session_begin(). */
 #pragma once
 
+#include "geo/frames.h"
 #include "geo/pose.h"
 #include "io/cigi_packets.h"
 #include "io/cigi_table.h"
@@ -53,7 +54,7 @@ struct cigi_region_state {
 
 struct cigi_scene {
     struct cigi_table entities, parts, views, components, regions;
-    struct cigi_view_definition own_view; /* of the channel: it is there from the beginning */
+    struct cigi_view own_view; /* of the channel: it is there from the beginning */
     struct cigi_celestial celestial;
     struct cigi_atmosphere atmosphere;
     bool extrapolate; /* IG Control allows it */
@@ -85,6 +86,22 @@ int cigi_scene_entity_pose(const struct cigi_scene *scene, uint16_t entity,
 int cigi_scene_eye_pose(const struct cigi_scene *scene, uint16_t view,
                         const struct cigi_ground *ground, struct pose *ret_pose);
 
+/* An entity to be drawn. */
+struct cigi_seen {
+    uint16_t entity;
+    uint16_t type;        /* as the host numbers them; of a DIS enumeration (4.0) the country */
+    uint8_t kind, domain; /* of a DIS enumeration; else 0 */
+    uint8_t alpha;
+    double ecef_m[3];
+    struct quaternion ecef_from_body;
+};
+
+/* The active entities that have a place, but for one, in the order of their numbers; at most
+ * `capacity`. Returns how many. */
+size_t cigi_scene_seen(const struct cigi_scene *scene, uint16_t except,
+                       const struct cigi_ground *ground, struct cigi_seen *ret_seen,
+                       size_t capacity);
+
 const struct cigi_entity *cigi_scene_entity(const struct cigi_scene *scene, uint16_t entity);
 const struct cigi_view *cigi_scene_view(const struct cigi_scene *scene, uint16_t view);
 const struct cigi_part *cigi_scene_part(const struct cigi_scene *scene, uint16_t entity,
@@ -98,7 +115,7 @@ void cigi_pose_attached(const struct pose *base, const double offset_m[3],
 
 /* `own_view` is the channel's. Returns 0 or -ENOMEM. */
 int cigi_scene_init(struct cigi_scene *scene, const struct cigi_scene_limits *limits,
-                    const struct cigi_view_definition *own_view);
+                    const struct cigi_view *own_view);
 void cigi_scene_finish(struct cigi_scene *scene);
 
 /* As it was after init. */

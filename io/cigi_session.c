@@ -77,7 +77,10 @@ int cigi_session_create(const struct cigi_session_params *params, struct cigi_se
     fill_params(&session->params);
     session->link.format =
         (struct cigi_format){.major = session->params.major, .minor = session->params.minor};
-    int r = cigi_scene_init(&session->scene, &session->params.limits, &session->params.view);
+    struct cigi_view own = {
+        .id = params->view.view, .definition = session->params.view, .attitude = params->direction};
+    memcpy(own.offset_m, params->eye_m, sizeof(own.offset_m));
+    int r = cigi_scene_init(&session->scene, &session->params.limits, &own);
     if (r == 0)
         r = cigi_requests_init(&session->requests, session->params.requests,
                                session->params.patience_frames);
@@ -228,7 +231,7 @@ static int take_control(struct cigi_session *session, const struct cigi_reader *
     int r = take_mode(session, control->mode, ret_rejection);
     if (r < 0 || link->mode == CIGI_STANDBY)
         return r;
-    session->scene.extrapolate = control->extrapolate;
+    session->scene.extrapolate = control->extrapolate && !session->params.synchronous;
     return take_database(session, control->database, ret_rejection);
 }
 
@@ -311,14 +314,25 @@ int cigi_session_receive(struct cigi_session *session, const void *data, size_t 
     return result ? result : rest;
 }
 
+void cigi_session_place(struct cigi_session *session, const struct cigi_ground *ground)
+{
+    struct cigi_link *link = &session->link;
+    cigi_requests_place(&session->requests, &session->scene, ground,
+                        has_host_frames(&link->format) ? link->host_frame : 0,
+                        link->counters.rejected);
+}
+
+void cigi_session_advance(struct cigi_session *session, nsec_t now_ns)
+{
+    cigi_scene_advance(&session->scene, now_ns);
+}
+
 void cigi_session_begin(struct cigi_session *session, nsec_t now_ns,
                         const struct cigi_ground *ground)
 {
-    struct cigi_link *link = &session->link;
     cigi_scene_advance(&session->scene, now_ns);
-    cigi_requests_begin(&session->requests, &session->scene, ground,
-                        has_host_frames(&link->format) ? link->host_frame : 0,
-                        link->counters.rejected);
+    cigi_requests_begin(&session->requests, &session->scene, session->link.counters.rejected);
+    cigi_session_place(session, ground);
 }
 
 size_t cigi_session_questions(struct cigi_session *session, struct cigi_question *ret_questions,

@@ -2,12 +2,13 @@
  * clock.
  *
  * What the daemon does, on one thread:
- *   for each datagram of the host    cigi_session_receive()
- *   as each frame begins             cigi_session_begin(); then the scene says what to draw
- *                                    (io/cigi_scene.h: own-ship is entity 0, the eye its view's)
- *                                    cigi_session_questions(), and for each, then or in a later
- *                                    frame, cigi_session_answer()
+ *   for each datagram of the host    cigi_session_receive(), cigi_session_place(), and questions
  *   once a frame                     cigi_session_message(), sent to the host as one datagram
+ *   as each frame begins             cigi_session_begin(), and questions; then the scene says what
+ *                                    to draw (io/cigi_scene.h: own-ship is entity 0, the eye its
+ *                                    view's)
+ *   questions                        cigi_session_questions(), and for each, then or in a later
+ *                                    frame, cigi_session_answer()
  *   when it happens                  cigi_session_set_status(), cigi_session_database_loaded()
  * In synchronous operation the message is sent on the display's tick and the host answers it; in
  * asynchronous operation the host sends as it likes. The session is the same.
@@ -25,6 +26,9 @@ struct cigi_session_params {
     bool one_database;    /* there is but one: the number is always 0 and nothing is loaded */
     /* The channel's own view, until the host defines it. Half-angles of 0: 30 by 20 degrees. */
     struct cigi_view_definition view;
+    double eye_m[3]; /* likewise, in the axes of own-ship, and in which direction it looks */
+    struct attitude direction;
+    bool synchronous; /* a place holds for the frame that its message starts, whatever its rates */
     /* Limits; 0 = 1024 entities, parts and components, 256 views and regions, 1000 requests. */
     struct cigi_scene_limits limits;
     size_t requests;
@@ -70,8 +74,16 @@ void cigi_session_destroy(struct cigi_session *session);
 int cigi_session_receive(struct cigi_session *session, const void *data, size_t size,
                          nsec_t receive_ns, struct rejection *ret_rejection);
 
-/* A frame begins, to be shown as of `now_ns`: entities with rates are moved, and requests get their
- * places. `ground` is asked for clamped entities, within the call; it may be NULL. */
+/* What has been asked since gets its place in the scene, so that questions come up before the next
+ * frame begins. `ground` is asked for clamped entities, within the call; it may be NULL. */
+void cigi_session_place(struct cigi_session *session, const struct cigi_ground *ground);
+
+/* What the scene has is shown as of `now_ns`: entities with rates are moved. A part of
+ * cigi_session_begin(); in synchronous operation also of a message that starts a frame. */
+void cigi_session_advance(struct cigi_session *session, nsec_t now_ns);
+
+/* A frame begins, to be shown as of `now_ns`: entities with rates are moved, periodic requests fall
+ * due, and all get their places, as above. */
 void cigi_session_begin(struct cigi_session *session, nsec_t now_ns,
                         const struct cigi_ground *ground);
 

@@ -59,6 +59,12 @@ struct decode_field {
     size_t offset;  /* byte in the packet */
 };
 
+#define DECODE_FIELD(bit, member_, offset_, name_, unit_)                                          \
+    {                                                                                              \
+        .name = name_, .unit = unit_, .valid = bit, .member = offsetof(struct pose, member_),      \
+        .offset = offset_                                                                          \
+    }
+
 /* The widest that each kind of number may be; beyond it the sender is mistaken. */
 #define DECODE_LON_MAX_DEG   360.0
 #define DECODE_HEIGHT_MAX_M  1e8

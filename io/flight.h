@@ -13,6 +13,8 @@ struct flight_params {
     struct geoid_function geoid; /* for heights above EGM96; required */
     bool force_protocol;         /* of a pcap; else found out packet by packet */
     enum pose_protocol protocol;
+    struct dis_filter dis; /* whom to follow in a pcap of DIS; zeroed: the first that is heard */
+    const struct can_table *table; /* of a candump log; NULL: it is CANaerospace */
 };
 
 struct flight {

@@ -114,8 +114,12 @@ static int candump_read(const struct flight_input *input, const struct flight_pa
 {
     struct line_reader lines = {.data = input->data, .size = input->size};
     struct intake intake;
-    intake_init(&intake, &(struct intake_params){.protocol = POSE_PROTOCOL_CANAEROSPACE,
-                                                 .geoid = params->geoid});
+    struct intake_params wire = {.protocol = POSE_PROTOCOL_CANAEROSPACE, .geoid = params->geoid};
+    if (params->table) {
+        wire.protocol = POSE_PROTOCOL_CAN_TABLE;
+        wire.table = *params->table;
+    }
+    intake_init(&intake, &wire);
     char text[LINE_MAX_BYTES], interface[16] = "";
     int r;
     while ((r = line_reader_next(&lines, text)) > 0) {

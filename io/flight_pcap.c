@@ -31,7 +31,7 @@ struct capture {
     uint32_t link;
     size_t offset;
     uint64_t udp_packets, foreign;
-    struct intake intakes[2]; /* native, flightgear */
+    struct intake intakes[POSE_PROTOCOLS]; /* those of CAN stay unused */
 };
 
 struct payload {
@@ -170,6 +170,10 @@ static struct intake *intake_for(struct capture *c, const struct flight_params *
         return &c->intakes[POSE_PROTOCOL_NATIVE];
     if (flightgear_recognises(payload->data, payload->size))
         return &c->intakes[POSE_PROTOCOL_FLIGHTGEAR];
+    if (xplane_recognises(payload->data, payload->size))
+        return &c->intakes[POSE_PROTOCOL_XPLANE];
+    if (dis_recognises(payload->data, payload->size))
+        return &c->intakes[POSE_PROTOCOL_DIS];
     return NULL;
 }
 
@@ -185,7 +189,10 @@ static int take_payload(struct capture *c, const struct flight_params *params,
     }
     struct pose pose;
     struct rejection rejection;
-    if (intake_packet(intake, payload->data, payload->size, time_ns, &pose, &rejection) <= 0) {
+    int r = intake_packet(intake, payload->data, payload->size, time_ns, &pose, &rejection);
+    if (r == 0)
+        return 0;
+    if (r < 0) {
         diag_set(diag, 0, "%s: byte %zu: %s", c->input->name, c->offset, rejection.text);
         if (!flight->note.text[0])
             flight->note = *diag;
@@ -199,6 +206,7 @@ static void add_counters(struct intake_counters *sum, const struct intake_counte
 {
     sum->received += more->received;
     sum->accepted += more->accepted;
+    sum->others += more->others;
     sum->lost += more->lost;
     sum->reordered += more->reordered;
     sum->duplicates += more->duplicates;
@@ -238,21 +246,24 @@ static int read_records(struct capture *c, const struct flight_params *params,
 static int pcap_read(const struct flight_input *input, const struct flight_params *params,
                      struct flight *flight, struct diag *diag)
 {
-    if (params->force_protocol && params->protocol == POSE_PROTOCOL_CANAEROSPACE)
-        return diag_set(diag, -EBADMSG, "%s: a pcap carries UDP, not CANaerospace", input->name);
+    if (params->force_protocol &&
+        (pose_protocol_is_can(params->protocol) || params->protocol == POSE_PROTOCOL_CIGI))
+        return diag_set(diag, -EBADMSG, "%s: no poses of %s are read from a pcap", input->name,
+                        pose_protocol_name(params->protocol));
     struct capture c = {.input = input};
     int r = read_header(&c, diag);
     if (r < 0)
         return r;
-    for (int i = 0; i < 2; i++)
+    for (int i = 0; i < POSE_PROTOCOLS; i++)
         intake_init(&c.intakes[i], &(struct intake_params){.protocol = (enum pose_protocol)i,
-                                                           .geoid = params->geoid});
+                                                           .geoid = params->geoid,
+                                                           .dis = params->dis});
     r = read_records(&c, params, flight, diag);
-    for (int i = 0; i < 2; i++)
+    for (int i = 0; i < POSE_PROTOCOLS; i++)
         add_counters(&flight->counters, &c.intakes[i].counters);
     if (r == 0 && flight->count == 0 && flight->counters.received == 0)
         return diag_set(diag, -EBADMSG,
-                        "%s: none of its %llu UDP packets is a native or FlightGear pose",
+                        "%s: none of its %llu UDP packets is a pose that this program knows",
                         input->name, (unsigned long long)c.udp_packets);
     if (r == 0 && flight->count == 0)
         return -EBADMSG; /* the last refusal stands in diag */

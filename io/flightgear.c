@@ -4,27 +4,21 @@
 
 #include "base/bytes.h"
 
-#define FIELD(bit, member_, offset_, name_, unit_)                                                 \
-    {                                                                                              \
-        .name = name_, .unit = unit_, .valid = bit, .member = offsetof(struct pose, member_),      \
-        .offset = offset_                                                                          \
-    }
-
 /* Checked after conversion to our units; the offsets are FlightGear's. A body rate is made of all
  * three Euler rates, so one that is not finite is laid at the first. */
 static const struct decode_field fields[] = {
-    FIELD(POSE_POSITION, position.lon_deg, 8, "longitude", "deg"),
-    FIELD(POSE_POSITION, position.lat_deg, 16, "latitude", "deg"),
-    FIELD(POSE_POSITION, position.height_m, 24, "altitude", "m"),
-    FIELD(POSE_ATTITUDE, attitude.roll_deg, 36, "phi", "deg"),
-    FIELD(POSE_ATTITUDE, attitude.pitch_deg, 40, "theta", "deg"),
-    FIELD(POSE_ATTITUDE, attitude.heading_deg, 44, "psi", "deg"),
-    FIELD(POSE_VELOCITY, velocity_ned_mps[0], 76, "v_north", "m/s"),
-    FIELD(POSE_VELOCITY, velocity_ned_mps[1], 80, "v_east", "m/s"),
-    FIELD(POSE_VELOCITY, velocity_ned_mps[2], 84, "v_down", "m/s"),
-    FIELD(POSE_RATES, rates_body_dps[0], 56, "phidot", "deg/s"),
-    FIELD(POSE_RATES, rates_body_dps[1], 60, "thetadot", "deg/s"),
-    FIELD(POSE_RATES, rates_body_dps[2], 64, "psidot", "deg/s"),
+    DECODE_FIELD(POSE_POSITION, position.lon_deg, 8, "longitude", "deg"),
+    DECODE_FIELD(POSE_POSITION, position.lat_deg, 16, "latitude", "deg"),
+    DECODE_FIELD(POSE_POSITION, position.height_m, 24, "altitude", "m"),
+    DECODE_FIELD(POSE_ATTITUDE, attitude.roll_deg, 36, "phi", "deg"),
+    DECODE_FIELD(POSE_ATTITUDE, attitude.pitch_deg, 40, "theta", "deg"),
+    DECODE_FIELD(POSE_ATTITUDE, attitude.heading_deg, 44, "psi", "deg"),
+    DECODE_FIELD(POSE_VELOCITY, velocity_ned_mps[0], 76, "v_north", "m/s"),
+    DECODE_FIELD(POSE_VELOCITY, velocity_ned_mps[1], 80, "v_east", "m/s"),
+    DECODE_FIELD(POSE_VELOCITY, velocity_ned_mps[2], 84, "v_down", "m/s"),
+    DECODE_FIELD(POSE_RATES, rates_body_dps[0], 56, "phidot", "deg/s"),
+    DECODE_FIELD(POSE_RATES, rates_body_dps[1], 60, "thetadot", "deg/s"),
+    DECODE_FIELD(POSE_RATES, rates_body_dps[2], 64, "psidot", "deg/s"),
 };
 #define FIELDS (sizeof(fields) / sizeof(fields[0]))
 

@@ -10,17 +10,15 @@
 
 /* A sequence number that jumps further than this either way is a new start. */
 #define SEQUENCE_JUMP 4096
-/* The offset of two clocks may creep by this much, so that drift does not wear the mapping out. */
-#define CLOCK_DRIFT_PER_S 1e-4
-#define CLOCK_JUMP_NS     (500 * NSEC_PER_MSEC)
-/* A clock that was set back by less shows as a path that is never as short again for this long. */
-#define CLOCK_WINDOW_NS (5 * NSEC_PER_SEC)
-#define CLOCK_STEP_NS   (10 * NSEC_PER_MSEC)
 
 static const char *const protocol_names[POSE_PROTOCOLS] = {
     [POSE_PROTOCOL_NATIVE] = "native",
     [POSE_PROTOCOL_FLIGHTGEAR] = "flightgear",
     [POSE_PROTOCOL_CANAEROSPACE] = "canaerospace",
+    [POSE_PROTOCOL_CIGI] = "cigi",
+    [POSE_PROTOCOL_XPLANE] = "xplane",
+    [POSE_PROTOCOL_DIS] = "dis",
+    [POSE_PROTOCOL_CAN_TABLE] = "can-table",
 };
 
 const char *pose_protocol_name(enum pose_protocol protocol)
@@ -39,6 +37,11 @@ int pose_protocol_from_name(const char *name, enum pose_protocol *ret_protocol)
     return -EINVAL;
 }
 
+bool pose_protocol_is_can(enum pose_protocol protocol)
+{
+    return protocol == POSE_PROTOCOL_CANAEROSPACE || protocol == POSE_PROTOCOL_CAN_TABLE;
+}
+
 void sample_to_ellipsoid(struct pose_sample *sample, const struct geoid_function *geoid)
 {
     if (sample->datum == ALTITUDE_EGM96 && sample->pose.valid & POSE_POSITION)
@@ -52,6 +55,7 @@ void intake_init(struct intake *intake, const struct intake_params *params)
     assert(params->geoid.undulation_m);
     *intake = (struct intake){.params = *params, .agl_m = NAN};
     canaerospace_init(&intake->can);
+    dis_tracker_init(&intake->dis, &params->dis);
 }
 
 static void start_sequence(struct intake *intake, const struct pose_sample *sample)
@@ -60,7 +64,7 @@ static void start_sequence(struct intake *intake, const struct pose_sample *samp
     intake->session = sample->session;
     intake->sequence = sample->sequence;
     intake->seen = 1;
-    intake->clock.known = false;
+    intake->clock.sender.known = false;
 }
 
 /* Only ever forward: what is late is counted and refused. One that fills a gap was not lost. */
@@ -92,32 +96,6 @@ static int check_sequence(struct intake *intake, const struct pose_sample *sampl
                   intake->sequence);
 }
 
-/* When the sample was valid, on our clock: no later than it arrived, free of the network's jitter
- * where the sender says when it sent. */
-static nsec_t sample_time(struct sender_clock *clock, int64_t sender_ns, nsec_t receive_ns)
-{
-    /* Neither sum nor difference may overflow on what a peer sends. */
-    if (sender_ns <= 0 || sender_ns > INT64_MAX / 2)
-        return receive_ns;
-    nsec_t offset_ns = receive_ns - sender_ns;
-    nsec_t creep_ns = (nsec_t)((double)(receive_ns - clock->last_receive_ns) * CLOCK_DRIFT_PER_S);
-    clock->last_receive_ns = receive_ns;
-    clock->offset_ns += creep_ns;
-    if (!clock->known || receive_ns - clock->window_ns > CLOCK_WINDOW_NS) {
-        if (clock->known && clock->least_ns - clock->offset_ns > CLOCK_STEP_NS)
-            clock->offset_ns = clock->least_ns;
-        clock->window_ns = receive_ns;
-        clock->least_ns = offset_ns;
-    }
-    if (offset_ns < clock->least_ns)
-        clock->least_ns = offset_ns;
-    if (!clock->known || offset_ns < clock->offset_ns ||
-        offset_ns - clock->offset_ns > CLOCK_JUMP_NS)
-        clock->offset_ns = offset_ns;
-    clock->known = true;
-    return sender_ns + clock->offset_ns;
-}
-
 static int accept(struct intake *intake, struct pose_sample *sample, nsec_t receive_ns,
                   struct pose *ret_pose, struct rejection *ret_rejection)
 {
@@ -130,27 +108,75 @@ static int accept(struct intake *intake, struct pose_sample *sample, nsec_t rece
         sample->datum = intake->params.datum;
     sample_to_ellipsoid(sample, &intake->params.geoid);
     sample->pose.receive_ns = receive_ns;
-    if (!sample->pose.time_ns)
-        sample->pose.time_ns = sample_time(&intake->clock, sample->sender_ns, receive_ns);
     if (!pose_is_sane(&sample->pose))
         return reject(ret_rejection, REJECT_RANGE, 0, "its height has no sense on the ellipsoid");
+    pose_clock_set(&intake->clock, sample, receive_ns, intake->params.smooth);
     intake->counters.accepted++;
     *ret_pose = sample->pose;
     return 1;
 }
 
-static int decode(struct intake *intake, const void *data, size_t size,
-                  struct pose_sample *ret_sample, struct rejection *ret_rejection)
+static int decode_native(struct intake *intake, const void *data, size_t size,
+                         struct pose_sample *ret_sample, struct rejection *ret_rejection)
 {
-    if (intake->params.protocol == POSE_PROTOCOL_NATIVE)
-        return native_decode(data, size, ret_sample, ret_rejection);
+    int r = native_decode(data, size, ret_sample, ret_rejection);
+    return r < 0 ? r : 1;
+}
+
+static int decode_flightgear(struct intake *intake, const void *data, size_t size,
+                             struct pose_sample *ret_sample, struct rejection *ret_rejection)
+{
     struct flightgear_fdm fdm;
     int r = flightgear_decode(data, size, &fdm, ret_rejection);
     if (r < 0)
         return r;
     intake->agl_m = fdm.agl_m;
     *ret_sample = fdm.sample;
-    return 0;
+    return 1;
+}
+
+static int decode_xplane(struct intake *intake, const void *data, size_t size,
+                         struct pose_sample *ret_sample, struct rejection *ret_rejection)
+{
+    struct xplane_pose pose;
+    int r = xplane_decode(data, size, &pose, ret_rejection);
+    if (r < 0)
+        return r;
+    if (pose.aircraft != 0)
+        return 0;
+    intake->agl_m = pose.agl_m;
+    *ret_sample = pose.sample;
+    return 1;
+}
+
+static int decode_dis(struct intake *intake, const void *data, size_t size,
+                      struct pose_sample *ret_sample, struct rejection *ret_rejection)
+{
+    int r = dis_tracker_take(&intake->dis, data, size, ret_sample, ret_rejection);
+    if (r < 0 && ret_rejection->reason == REJECT_LATE)
+        intake->counters.reordered++;
+    return r;
+}
+
+/* Each returns 1 with a sample, 0 where the packet is not about own-ship, or -EBADMSG. */
+static int (*const decoders[POSE_PROTOCOLS])(struct intake *intake, const void *data, size_t size,
+                                             struct pose_sample *ret_sample,
+                                             struct rejection *ret_rejection) = {
+    [POSE_PROTOCOL_NATIVE] = decode_native,
+    [POSE_PROTOCOL_FLIGHTGEAR] = decode_flightgear,
+    [POSE_PROTOCOL_XPLANE] = decode_xplane,
+    [POSE_PROTOCOL_DIS] = decode_dis,
+};
+
+/* What a protocol makes of a pose just accepted, beside handing it out. */
+static void note_accepted(struct intake *intake, nsec_t receive_ns, struct pose *pose)
+{
+    if (intake->params.protocol == POSE_PROTOCOL_XPLANE)
+        intake->xplane.heard_ns = receive_ns;
+    if (intake->params.protocol == POSE_PROTOCOL_DIS) {
+        intake->dis.state_ns = pose->time_ns;
+        dis_tracker_pose(&intake->dis, receive_ns, pose); /* never older than one carried forward */
+    }
 }
 
 /* Counts a refusal; other results pass through. */
@@ -168,28 +194,62 @@ static int counted(struct intake *intake, int r, const struct rejection *rejecti
 int intake_packet(struct intake *intake, const void *data, size_t size, nsec_t receive_ns,
                   struct pose *ret_pose, struct rejection *ret_rejection)
 {
-    assert(intake->params.protocol != POSE_PROTOCOL_CANAEROSPACE);
+    assert(!pose_protocol_is_can(intake->params.protocol));
     intake->counters.received++;
     struct pose_sample sample;
     struct rejection rejection;
-    int r = decode(intake, data, size, &sample, &rejection);
-    if (r == 0)
+    int r = decoders[intake->params.protocol](intake, data, size, &sample, &rejection);
+    intake->counters.others += r == 0;
+    if (r > 0)
         r = accept(intake, &sample, receive_ns, ret_pose, &rejection);
+    if (r > 0)
+        note_accepted(intake, receive_ns, ret_pose);
     return counted(intake, r, &rejection, ret_rejection);
 }
 
 int intake_frame(struct intake *intake, const struct can_frame *frame, nsec_t receive_ns,
                  struct pose *ret_pose, struct rejection *ret_rejection)
 {
-    assert(intake->params.protocol == POSE_PROTOCOL_CANAEROSPACE);
+    assert(pose_protocol_is_can(intake->params.protocol));
     struct pose_sample sample;
     struct rejection rejection;
-    int r = canaerospace_take(&intake->can, frame, receive_ns, &sample, &rejection);
-    intake->counters.received = intake->can.frames;
-    intake->counters.lost = intake->can.lost;
+    int r;
+    if (intake->params.protocol == POSE_PROTOCOL_CANAEROSPACE) {
+        r = canaerospace_take(&intake->can, frame, receive_ns, &sample, &rejection);
+        intake->counters.received = intake->can.frames;
+        intake->counters.lost = intake->can.lost;
+    } else {
+        bool ours;
+        r = can_table_take(&intake->params.table, &intake->assembly, frame, receive_ns, &ours,
+                           &sample, &rejection);
+        intake->counters.received += ours;
+    }
     if (r > 0)
         r = accept(intake, &sample, receive_ns, ret_pose, &rejection);
     return counted(intake, r, &rejection, ret_rejection);
+}
+
+size_t intake_can_ids(const struct intake_params *params, uint32_t ret_ids[INTAKE_IDS_MAX])
+{
+    _Static_assert(CAN_QUANTITIES <= INTAKE_IDS_MAX, "each quantity has an identifier");
+    bool table = params->protocol == POSE_PROTOCOL_CAN_TABLE;
+    size_t total = table ? params->table.count : CAN_QUANTITIES, count = 0;
+    for (size_t i = 0; i < total; i++) {
+        uint32_t id =
+            table ? params->table.fields[i].can_id : canaerospace_id((enum can_quantity)i);
+        size_t k = 0;
+        while (k < count && ret_ids[k] != id)
+            k++;
+        if (k == count)
+            ret_ids[count++] = id;
+    }
+    return count;
+}
+
+bool intake_carry(const struct intake *intake, nsec_t now_ns, struct pose *ret_pose)
+{
+    return intake->params.protocol == POSE_PROTOCOL_DIS &&
+           dis_tracker_pose(&intake->dis, now_ns, ret_pose);
 }
 
 uint64_t intake_rejected_total(const struct intake_counters *counters)

@@ -2,26 +2,20 @@
 
 #include "base/bytes.h"
 
-#define FIELD(bit, member_, offset_, name_, unit_)                                                 \
-    {                                                                                              \
-        .name = name_, .unit = unit_, .valid = bit, .member = offsetof(struct pose, member_),      \
-        .offset = offset_                                                                          \
-    }
-
 /* The twelve numbers, in the order of the wire. */
 static const struct decode_field fields[] = {
-    FIELD(POSE_POSITION, position.lat_deg, 32, "latitude", "deg"),
-    FIELD(POSE_POSITION, position.lon_deg, 40, "longitude", "deg"),
-    FIELD(POSE_POSITION, position.height_m, 48, "altitude", "m"),
-    FIELD(POSE_ATTITUDE, attitude.roll_deg, 56, "roll", "deg"),
-    FIELD(POSE_ATTITUDE, attitude.pitch_deg, 64, "pitch", "deg"),
-    FIELD(POSE_ATTITUDE, attitude.heading_deg, 72, "heading", "deg"),
-    FIELD(POSE_VELOCITY, velocity_ned_mps[0], 80, "velocity north", "m/s"),
-    FIELD(POSE_VELOCITY, velocity_ned_mps[1], 88, "velocity east", "m/s"),
-    FIELD(POSE_VELOCITY, velocity_ned_mps[2], 96, "velocity down", "m/s"),
-    FIELD(POSE_RATES, rates_body_dps[0], 104, "roll rate", "deg/s"),
-    FIELD(POSE_RATES, rates_body_dps[1], 112, "pitch rate", "deg/s"),
-    FIELD(POSE_RATES, rates_body_dps[2], 120, "yaw rate", "deg/s"),
+    DECODE_FIELD(POSE_POSITION, position.lat_deg, 32, "latitude", "deg"),
+    DECODE_FIELD(POSE_POSITION, position.lon_deg, 40, "longitude", "deg"),
+    DECODE_FIELD(POSE_POSITION, position.height_m, 48, "altitude", "m"),
+    DECODE_FIELD(POSE_ATTITUDE, attitude.roll_deg, 56, "roll", "deg"),
+    DECODE_FIELD(POSE_ATTITUDE, attitude.pitch_deg, 64, "pitch", "deg"),
+    DECODE_FIELD(POSE_ATTITUDE, attitude.heading_deg, 72, "heading", "deg"),
+    DECODE_FIELD(POSE_VELOCITY, velocity_ned_mps[0], 80, "velocity north", "m/s"),
+    DECODE_FIELD(POSE_VELOCITY, velocity_ned_mps[1], 88, "velocity east", "m/s"),
+    DECODE_FIELD(POSE_VELOCITY, velocity_ned_mps[2], 96, "velocity down", "m/s"),
+    DECODE_FIELD(POSE_RATES, rates_body_dps[0], 104, "roll rate", "deg/s"),
+    DECODE_FIELD(POSE_RATES, rates_body_dps[1], 112, "pitch rate", "deg/s"),
+    DECODE_FIELD(POSE_RATES, rates_body_dps[2], 120, "yaw rate", "deg/s"),
 };
 #define FIELDS (sizeof(fields) / sizeof(fields[0]))
 

@@ -24,7 +24,7 @@ static int target_open(struct target *target, const char *url, enum pose_protoco
     if (!is_udp && strncmp(url, "can:", 4) != 0 && strncmp(url, "sim:", 4) != 0)
         return diag_set(diag, -EINVAL,
                         "\"%s\" is none of udp://HOST:PORT, can:INTERFACE and sim:PATH", url);
-    if (is_udp == (protocol == POSE_PROTOCOL_CANAEROSPACE))
+    if (is_udp == pose_protocol_is_can(protocol))
         return diag_set(diag, -EINVAL, "%s does not go over %s", pose_protocol_name(protocol), url);
     if (is_udp) {
         char text[ADDRESS_TEXT_MAX];

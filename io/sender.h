@@ -15,7 +15,7 @@ struct send_params {
     double reorder;   /* the chance of a packet to change places with the next, 0..1 */
     uint64_t seed;
     unsigned position_every;     /* CANaerospace: position with every n-th pose; 0 = 1 */
-    struct geoid_function geoid; /* FlightGear's altitude is above mean sea level; required */
+    struct geoid_function geoid; /* for altitudes above mean sea level; required */
 };
 
 struct send_item {

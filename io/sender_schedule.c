@@ -16,6 +16,7 @@ struct scheduler {
     const struct send_params *params;
     struct send_schedule *schedule;
     uint64_t random; /* state of the generator */
+    nsec_t late_ns;  /* of the pose at hand */
     uint32_t sequence;
     struct canaerospace_encoder can;
 };
@@ -50,13 +51,13 @@ static int make_room(struct send_schedule *schedule, size_t size)
     return 0;
 }
 
-/* One packet, unless it is left out. Each draws two numbers, whatever the chances, so that the same
- * seed hits the same packets. */
+/* One packet, unless it is left out. A pose draws a number, and each of its packets, whatever the
+ * chances, so that the same seed hits the same packets. */
 static int put_packet(struct scheduler *s, nsec_t time_ns, const void *data, size_t size)
 {
     struct send_schedule *schedule = s->schedule;
     bool left_out = next_random(s) < s->params->loss;
-    time_ns += (nsec_t)(next_random(s) * s->params->jitter_ms * 1e6);
+    time_ns += s->late_ns;
     if (left_out) {
         schedule->left_out++;
         return 0;
@@ -85,15 +86,46 @@ static int put_native(struct scheduler *s, nsec_t time_ns, const struct pose *po
     return put_packet(s, time_ns, data, sizeof(data));
 }
 
+static struct pose_sample above_the_sea(const struct scheduler *s, const struct pose *pose)
+{
+    const struct geoid_function *geoid = &s->params->geoid;
+    struct pose_sample sample = {.pose = *pose, .datum = ALTITUDE_EGM96};
+    sample.pose.position.height_m -=
+        geoid->undulation_m(geoid->context, pose->position.lat_deg, pose->position.lon_deg);
+    return sample;
+}
+
 static int put_flightgear(struct scheduler *s, nsec_t time_ns, const struct pose *pose)
 {
     uint8_t data[FLIGHTGEAR_SIZE_V24];
-    const struct geoid_function *geoid = &s->params->geoid;
-    struct flightgear_fdm fdm = {
-        .sample = {.pose = *pose, .datum = ALTITUDE_EGM96}, .agl_m = NAN, .wheels = 3};
-    fdm.sample.pose.position.height_m -=
-        geoid->undulation_m(geoid->context, pose->position.lat_deg, pose->position.lon_deg);
+    struct flightgear_fdm fdm = {.sample = above_the_sea(s, pose), .agl_m = NAN, .wheels = 3};
     flightgear_encode(&fdm, data);
+    return put_packet(s, time_ns, data, sizeof(data));
+}
+
+/* As X-Plane sends it to who asked. */
+static int put_xplane(struct scheduler *s, nsec_t time_ns, const struct pose *pose)
+{
+    uint8_t data[XPLANE_RPOS_SIZE];
+    struct xplane_pose sent = {.sample = above_the_sea(s, pose), .agl_m = NAN};
+    xplane_encode_rpos(&sent, data);
+    return put_packet(s, time_ns, data, sizeof(data));
+}
+
+static int put_dis(struct scheduler *s, nsec_t time_ns, const struct pose *pose)
+{
+    uint8_t data[DIS_ENTITY_STATE_SIZE];
+    double hours = seconds_from_ns(time_ns) / 3600.0;
+    struct dis_entity entity = {.version = 7,
+                                .exercise = 1,
+                                .timestamp = (uint32_t)((hours - floor(hours)) * DIS_HOUR)
+                                             << 1, /* since the start */
+                                .id = {1, 1, 1},
+                                .kind = DIS_PLATFORM,
+                                .domain = DIS_AIR,
+                                .marking = "OTWD"};
+    dis_motion_from_pose(pose, &entity.motion);
+    dis_encode(&entity, data);
     return put_packet(s, time_ns, data, sizeof(data));
 }
 
@@ -116,19 +148,21 @@ static void scale_motion(struct pose *pose, double speed)
     }
 }
 
+/* What belongs to one pose leaves together: the frames of a bus are queued by one task. */
 static int put_pose(struct scheduler *s, nsec_t time_ns, const struct pose *pose)
 {
-    switch (s->params->protocol) {
-    case POSE_PROTOCOL_NATIVE:
-        return put_native(s, time_ns, pose);
-    case POSE_PROTOCOL_FLIGHTGEAR:
-        return put_flightgear(s, time_ns, pose);
-    default:
-        return put_canaerospace(s, time_ns, pose);
-    }
+    static int (*const put[POSE_PROTOCOLS])(struct scheduler *, nsec_t, const struct pose *) = {
+        [POSE_PROTOCOL_NATIVE] = put_native,
+        [POSE_PROTOCOL_FLIGHTGEAR] = put_flightgear,
+        [POSE_PROTOCOL_CANAEROSPACE] = put_canaerospace,
+        [POSE_PROTOCOL_XPLANE] = put_xplane,
+        [POSE_PROTOCOL_DIS] = put_dis,
+    };
+    s->late_ns = (nsec_t)(next_random(s) * s->params->jitter_ms * 1e6);
+    return put[s->params->protocol](s, time_ns, pose);
 }
 
-/* Swaps what is sent, not when. */
+/* The first of two waits for the second and goes out behind it: nothing is sent before its time. */
 static void reorder(struct scheduler *s)
 {
     struct send_item *items = s->schedule->items;
@@ -136,6 +170,7 @@ static void reorder(struct scheduler *s)
         if (next_random(s) >= s->params->reorder)
             continue;
         struct send_item first = items[i], second = items[i + 1];
+        items[i].time_ns = second.time_ns;
         items[i].offset = second.offset;
         items[i].size = second.size;
         items[i + 1].offset = first.offset;
@@ -148,6 +183,8 @@ static int check_params(const struct send_params *p, double rate_hz, double spee
                         double duration_s, struct diag *diag)
 {
     assert(p->geoid.undulation_m);
+    if (p->protocol == POSE_PROTOCOL_CAN_TABLE)
+        return diag_set(diag, -EINVAL, "can-table is not a protocol to send");
     if (!(rate_hz > 0.0 && rate_hz <= RATE_MAX_HZ))
         return diag_set(diag, -EINVAL, "a rate of %g Hz is not within 0 to %g", rate_hz,
                         RATE_MAX_HZ);

@@ -12,7 +12,11 @@
 #define TIMEOUT_DEFAULT_NS (500 * NSEC_PER_MSEC)
 #define BURST_DEFAULT      256
 #define NODE_DEFAULT       64
+#define DIS_TIMEOUT_NS     (12 * NSEC_PER_SEC) /* IEEE 1278.1: 2.4 heartbeats */
+#define RATE_DEFAULT_HZ    60
 #define RETRY_TICK_NS      (100 * NSEC_PER_MSEC)
+#define SUBSCRIBE_TICK_NS  (250 * NSEC_PER_MSEC)
+#define CARRY_TICK_NS      (10 * NSEC_PER_MSEC)
 #define DATAGRAM_MAX       DIG_MESSAGE_MAX
 #define ID_IDENTIFY        128
 
@@ -26,7 +30,12 @@ struct pose_source {
     struct udp udp;      /* closed for CAN */
     struct can_bus *bus; /* NULL for UDP */
     unsigned generation; /* of the bus descriptor that epoll watches */
-    int retry_timer_fd;  /* ticks while the bus is down */
+    int timer_fd;        /* ticks while the bus is down; for who asks, or carries poses forward */
+    bool subscribes;
+    union address asked; /* X-Plane, where it subscribes */
+    unsigned rate_hz;
+    nsec_t accepted_ns; /* when a state last came, to carry forward; 0 = never */
+    bool identifies;    /* answers the identification service */
     uint8_t can_node;
     nsec_t trouble_ns; /* when the last sentence was given */
     uint64_t untold;   /* sentences held back since */
@@ -38,10 +47,19 @@ static int watch(struct pose_source *source, int fd)
     return epoll_ctl(source->epoll_fd, EPOLL_CTL_ADD, fd, &event) < 0 ? -errno : 0;
 }
 
-static void set_retry_timer(struct pose_source *source, bool on)
+static int open_timer(struct pose_source *source, struct diag *diag)
 {
-    struct timespec tick = {.tv_nsec = on ? RETRY_TICK_NS : 0};
-    timerfd_settime(source->retry_timer_fd, 0,
+    source->timer_fd = timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK);
+    if (source->timer_fd < 0 || watch(source, source->timer_fd) < 0)
+        return diag_set(diag, -errno, "no timer: %s", strerror(errno));
+    return 0;
+}
+
+/* 0 stops it. */
+static void set_timer(struct pose_source *source, nsec_t interval_ns)
+{
+    struct timespec tick = {.tv_nsec = interval_ns};
+    timerfd_settime(source->timer_fd, 0,
                     &(struct itimerspec){.it_interval = tick, .it_value = tick}, NULL);
 }
 
@@ -53,33 +71,59 @@ static void follow_bus(struct pose_source *source)
         source->generation = source->bus->generation;
         watch(source, source->bus->fd);
     }
-    set_retry_timer(source, !up);
+    set_timer(source, up ? 0 : RETRY_TICK_NS);
 }
 
 static int open_can(struct pose_source *source, const char *url, struct diag *diag)
 {
-    uint32_t ids[CANAEROSPACE_PARAMETERS + 1];
-    for (int i = 0; i < CANAEROSPACE_PARAMETERS; i++)
-        ids[i] = canaerospace_id((enum canaerospace_parameter)i);
-    ids[CANAEROSPACE_PARAMETERS] = ID_IDENTIFY;
-    source->retry_timer_fd = timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK);
-    if (source->retry_timer_fd < 0 || watch(source, source->retry_timer_fd) < 0)
-        return diag_set(diag, -errno, "no timer: %s", strerror(errno));
-    struct can_bus_params params = {
-        .ids = ids, .id_count = CANAEROSPACE_PARAMETERS + 1, .serve = true};
-    int r = can_bus_create(url, &params, &source->bus, diag);
+    uint32_t ids[INTAKE_IDS_MAX + 1];
+    size_t count = intake_can_ids(&source->intake.params, ids);
+    if (source->identifies)
+        ids[count++] = ID_IDENTIFY;
+    int r = open_timer(source, diag);
+    if (r < 0)
+        return r;
+    struct can_bus_params params = {.ids = ids, .id_count = count, .serve = true};
+    r = can_bus_create(url, &params, &source->bus, diag);
     if (r >= 0)
         follow_bus(source);
     return r;
 }
 
-static int open_udp(struct pose_source *source, const char *listen, struct diag *diag)
+static int ask(struct pose_source *source, unsigned rate_hz)
 {
-    int r = udp_listen(&source->udp, listen, diag);
+    uint8_t request[XPLANE_REQUEST_MAX];
+    size_t size = xplane_encode_request(rate_hz, request);
+    return udp_send_to(&source->udp, &source->asked, request, size);
+}
+
+/* What a UDP protocol needs a timer for. */
+static int open_ticks(struct pose_source *source, const struct pose_source_params *params,
+                      struct diag *diag)
+{
+    enum pose_protocol protocol = params->intake.protocol;
+    source->subscribes =
+        protocol == POSE_PROTOCOL_XPLANE && params->subscribe && params->subscribe[0];
+    if (!source->subscribes && protocol != POSE_PROTOCOL_DIS)
+        return 0;
+    int r = source->subscribes ? address_parse(params->subscribe, &source->asked, diag) : 0;
+    if (r == 0)
+        r = open_timer(source, diag);
+    if (r == 0)
+        set_timer(source, source->subscribes ? SUBSCRIBE_TICK_NS : CARRY_TICK_NS);
+    return r;
+}
+
+static int open_udp(struct pose_source *source, const struct pose_source_params *params,
+                    struct diag *diag)
+{
+    int r = udp_listen(&source->udp, params->endpoint, diag);
     if (r < 0)
         return r;
     r = watch(source, source->udp.fd);
-    return r < 0 ? diag_set(diag, r, "%s cannot be waited for", listen) : 0;
+    if (r < 0)
+        return diag_set(diag, r, "%s cannot be waited for", params->endpoint);
+    return open_ticks(source, params, diag);
 }
 
 static int open_parts(struct pose_source *source, const struct pose_source_params *params,
@@ -93,9 +137,8 @@ static int open_parts(struct pose_source *source, const struct pose_source_param
     source->epoll_fd = epoll_create1(EPOLL_CLOEXEC);
     if (source->epoll_fd < 0)
         return diag_set(diag, -errno, "no epoll descriptor: %s", strerror(errno));
-    return params->intake.protocol == POSE_PROTOCOL_CANAEROSPACE
-               ? open_can(source, params->endpoint, diag)
-               : open_udp(source, params->endpoint, diag);
+    return pose_protocol_is_can(params->intake.protocol) ? open_can(source, params->endpoint, diag)
+                                                         : open_udp(source, params, diag);
 }
 
 int pose_source_open(const struct pose_source_params *params, struct pose_source **ret_source,
@@ -104,12 +147,16 @@ int pose_source_open(const struct pose_source_params *params, struct pose_source
     struct pose_source *source = calloc(1, sizeof(*source));
     if (!source)
         return diag_set(diag, -ENOMEM, "source %s: no memory", params->name);
-    source->epoll_fd = source->retry_timer_fd = source->udp.fd = -1;
+    source->epoll_fd = source->timer_fd = source->udp.fd = -1;
     snprintf(source->name, sizeof(source->name), "%s", params->name);
     source->priority = params->priority ? params->priority : 1;
-    source->timeout_ns = params->timeout_ns ? params->timeout_ns : TIMEOUT_DEFAULT_NS;
+    bool dis = params->intake.protocol == POSE_PROTOCOL_DIS;
+    nsec_t timeout_ns = dis ? DIS_TIMEOUT_NS : TIMEOUT_DEFAULT_NS;
+    source->timeout_ns = params->timeout_ns ? params->timeout_ns : timeout_ns;
+    source->rate_hz = params->rate_hz ? params->rate_hz : RATE_DEFAULT_HZ;
     source->burst = params->burst ? params->burst : BURST_DEFAULT;
     source->can_node = params->can_node ? params->can_node : NODE_DEFAULT;
+    source->identifies = params->transmit && params->intake.protocol == POSE_PROTOCOL_CANAEROSPACE;
     intake_init(&source->intake, &params->intake);
     int r = open_parts(source, params, diag);
     if (r != 0)
@@ -127,9 +174,11 @@ void pose_source_close(struct pose_source *source)
     if (!source)
         return;
     can_bus_destroy(source->bus);
+    if (source->subscribes && source->udp.fd >= 0)
+        ask(source, 0);
     udp_close(&source->udp);
-    if (source->retry_timer_fd >= 0)
-        close(source->retry_timer_fd);
+    if (source->timer_fd >= 0)
+        close(source->timer_fd);
     if (source->epoll_fd >= 0)
         close(source->epoll_fd);
     free(source);
@@ -158,6 +207,8 @@ static void take_result(struct pose_source *source, nsec_t now_ns,
                         const struct pose_source_events *events, int r, const struct pose *pose,
                         const struct rejection *rejection)
 {
+    if (r > 0)
+        source->accepted_ns = pose->receive_ns;
     if (r > 0 && events->pose)
         events->pose(events->context, source, pose);
     if (r < 0 && rejection->reason != REJECT_LATE) { /* late ones are counted, not news */
@@ -205,8 +256,47 @@ static bool take_request(struct pose_source *source, nsec_t now_ns,
     return true;
 }
 
-static void dispatch_udp(struct pose_source *source, nsec_t now_ns,
-                         const struct pose_source_events *events)
+static bool timer_ticked(const struct pose_source *source)
+{
+    uint64_t ticks;
+    return source->timer_fd >= 0 && read(source->timer_fd, &ticks, sizeof(ticks)) > 0;
+}
+
+static void subscribe(struct pose_source *source, nsec_t now_ns,
+                      const struct pose_source_events *events)
+{
+    if (!xplane_subscription_due(&source->intake.xplane, now_ns))
+        return;
+    int r = ask(source, source->rate_hz);
+    if (r < 0) {
+        char who[ADDRESS_TEXT_MAX], text[ADDRESS_TEXT_MAX + 128];
+        address_format(&source->asked, who);
+        snprintf(text, sizeof(text), "%s cannot be asked for positions: %s", who, strerror(-r));
+        tell(source, now_ns, events, text);
+    }
+}
+
+/* Between two states, and until the entity counts as lost. */
+static void carry_forward(struct pose_source *source, nsec_t now_ns,
+                          const struct pose_source_events *events)
+{
+    struct pose pose;
+    if (source->accepted_ns && now_ns - source->accepted_ns <= source->timeout_ns &&
+        intake_carry(&source->intake, now_ns, &pose) && events->pose)
+        events->pose(events->context, source, &pose);
+}
+
+static void tick_udp(struct pose_source *source, nsec_t now_ns,
+                     const struct pose_source_events *events)
+{
+    if (source->subscribes)
+        subscribe(source, now_ns, events);
+    else
+        carry_forward(source, now_ns, events);
+}
+
+static void take_datagrams(struct pose_source *source, nsec_t now_ns,
+                           const struct pose_source_events *events)
 {
     for (unsigned i = 0; i < source->burst; i++) {
         uint8_t buffer[DATAGRAM_MAX];
@@ -226,6 +316,13 @@ static void dispatch_udp(struct pose_source *source, nsec_t now_ns,
             events->packet(events->context, source, buffer, datagram.size, datagram.receive_ns);
         struct pose pose;
         struct rejection rejection;
+        if (source->intake.params.protocol == POSE_PROTOCOL_CIGI) {
+            source->intake.counters.received++;
+            r = events->message(events->context, buffer, datagram.size, datagram.receive_ns,
+                                &source->intake.counters, &rejection);
+            take_result(source, now_ns, events, r, NULL, &rejection);
+            continue;
+        }
         /* A truncated one is longer than any version: its length alone refuses it. */
         r = intake_packet(&source->intake, buffer, datagram.size, datagram.receive_ns, &pose,
                           &rejection);
@@ -233,11 +330,18 @@ static void dispatch_udp(struct pose_source *source, nsec_t now_ns,
     }
 }
 
+static void dispatch_udp(struct pose_source *source, nsec_t now_ns,
+                         const struct pose_source_events *events)
+{
+    take_datagrams(source, now_ns, events);
+    if (timer_ticked(source))
+        tick_udp(source, now_ns, events);
+}
+
 static void dispatch_can(struct pose_source *source, nsec_t now_ns,
                          const struct pose_source_events *events)
 {
-    uint64_t ticks;
-    if (read(source->retry_timer_fd, &ticks, sizeof(ticks)) > 0)
+    if (timer_ticked(source))
         can_bus_service(source->bus, now_ns);
     for (unsigned i = 0; i < source->burst; i++) {
         struct can_frame frame, answer;
@@ -248,7 +352,7 @@ static void dispatch_can(struct pose_source *source, nsec_t now_ns,
             tell(source, now_ns, events, diag.text);
         if (r <= 0)
             break;
-        if (canaerospace_identify(&frame, source->can_node, &answer)) {
+        if (source->identifies && canaerospace_identify(&frame, source->can_node, &answer)) {
             can_bus_send(source->bus, &answer);
             continue;
         }
@@ -278,6 +382,12 @@ void pose_source_answer(struct pose_source *source, const union address *sender,
     size_t size = dig_message_encode(answer, data);
     if (size > 0)
         udp_send_to(&source->udp, sender, data, size);
+}
+
+int pose_source_send(struct pose_source *source, const union address *peer, const void *data,
+                     size_t size)
+{
+    return udp_send_to(&source->udp, peer, data, size);
 }
 
 int pose_source_fd(const struct pose_source *source)

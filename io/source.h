@@ -12,14 +12,19 @@
 
 struct pose_source_params {
     const char *name;     /* copied */
-    const char *endpoint; /* "ADDRESS:PORT", or for CANaerospace "can:INTERFACE" or "sim:PATH" */
+    const char *endpoint; /* "ADDRESS:PORT", or on CAN "can:INTERFACE" or "sim:PATH" */
+    const char
+        *subscribe;   /* X-Plane's "ADDRESS:PORT", which is asked to send; NULL or empty: none */
+    unsigned rate_hz; /* what it is asked for; 0 = 60 */
     struct intake_params intake;
-    unsigned priority;        /* 1 is the best; 0 = 1 */
-    nsec_t timeout_ns;        /* silent for longer = not live; 0 = 500 ms */
+    unsigned priority; /* 1 is the best; 0 = 1 */
+    nsec_t timeout_ns; /* silent for longer = not live; 0 = 500 ms, for DIS 12 s. Between states a
+                        * DIS source gives dead-reckoned poses, 100 a second, for as long. */
     const char *const *allow; /* senders: addresses and networks; none = whoever reaches it */
     size_t allow_count;
     unsigned burst;   /* packets taken in one dispatch, so that a flood starves nobody; 0 = 256 */
-    uint8_t can_node; /* our node number for the identification service; 0 = 64 */
+    bool transmit;    /* on CANaerospace: answer the identification service; else only listen */
+    uint8_t can_node; /* our node number there; 0 = 64 */
 };
 
 struct pose_source;
@@ -27,7 +32,7 @@ struct pose_source;
 /* What a dispatch tells. Members may be NULL. Nothing here may close the source. */
 struct pose_source_events {
     void *context;
-    /* An accepted pose, height above the ellipsoid. */
+    /* An accepted or dead-reckoned pose, height above the ellipsoid. */
     void (*pose)(void *context, struct pose_source *source, const struct pose *pose);
     /* What came in from an allowed sender, before decoding: a datagram, or a struct can_frame. */
     void (*packet)(void *context, struct pose_source *source, const void *data, size_t size,
@@ -37,6 +42,11 @@ struct pose_source_events {
      * such requests are refused. */
     void (*dig)(void *context, struct pose_source *source, const struct dig_message *message,
                 const union address *sender);
+    /* A message of CIGI, from an allowed sender; required for such sources. It is counted into
+     * `counters` by whoever takes it (but as received). Returns 0, or -EBADMSG with what was
+     * refused of it. */
+    int (*message)(void *context, const void *data, size_t size, nsec_t receive_ns,
+                   struct intake_counters *counters, struct rejection *ret_rejection);
     /* A refusal or a fault in one sentence that names the source; at most one a second. */
     void (*trouble)(void *context, struct pose_source *source, const char *sentence);
 };
@@ -61,6 +71,10 @@ void pose_source_dispatch(struct pose_source *source, nsec_t now_ns,
 /* Answers a request to dig. Where it is lost, the sender asks again. */
 void pose_source_answer(struct pose_source *source, const union address *sender,
                         const struct dig_message *answer);
+
+/* Sends a datagram from where a UDP source listens. Returns 0 or -errno. */
+int pose_source_send(struct pose_source *source, const union address *peer, const void *data,
+                     size_t size);
 
 const char *pose_source_name(const struct pose_source *source);
 unsigned pose_source_priority(const struct pose_source *source);

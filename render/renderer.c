@@ -379,7 +379,7 @@ static struct scene_detail detail_of(struct renderer *renderer, const struct vie
 {
     double x = fmax(fabs(view->tan_left), fabs(view->tan_right));
     double y = fmax(fabs(view->tan_bottom), fabs(view->tan_top));
-    double pixel_rad = (view->tan_right - view->tan_left) / renderer->width;
+    double pixel_rad = fabs(view->tan_right - view->tan_left) / renderer->width;
     double most = fmin(renderer->shape.radius, renderer->posts_most);
     double posts = fmin(detail_posts(pixel_rad, renderer->pixel_error), most);
     posts = fmax(posts, BLOCKS_LEAST * renderer->shape.block);

@@ -41,10 +41,10 @@ static void set_projection(const struct view *view, struct scene_block *scene)
 static void set_planes(const struct view *view, struct scene_block *scene)
 {
     const double normals[4][3] = {
-        {1.0, 0.0, view->tan_left},
-        {-1.0, 0.0, -view->tan_right},
-        {0.0, 1.0, view->tan_bottom},
-        {0.0, -1.0, -view->tan_top},
+        {1.0, 0.0, fmin(view->tan_left, view->tan_right)},
+        {-1.0, 0.0, -fmax(view->tan_left, view->tan_right)},
+        {0.0, 1.0, fmin(view->tan_bottom, view->tan_top)},
+        {0.0, -1.0, -fmax(view->tan_bottom, view->tan_top)},
     };
     for (int p = 0; p < 4; p++) {
         const double *n = normals[p];

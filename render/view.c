@@ -45,6 +45,13 @@ static void multiply(const double a[3][3], const double b[3][3], double ret[3][3
             ret[i][j] = a[i][0] * b[0][j] + a[i][1] * b[1][j] + a[i][2] * b[2][j];
 }
 
+static void swap(double *a, double *b)
+{
+    double was = *a;
+    *a = *b;
+    *b = was;
+}
+
 void view_from_pose(const struct pose *pose, const struct channel_geometry *geometry,
                     struct view *ret_view)
 {
@@ -79,6 +86,10 @@ void view_from_pose(const struct pose *pose, const struct channel_geometry *geom
     view.tan_right = tan(geometry->right_deg * M_PI / 180.0);
     view.tan_bottom = tan(geometry->bottom_deg * M_PI / 180.0);
     view.tan_top = tan(geometry->top_deg * M_PI / 180.0);
+    if (geometry->mirror_x)
+        swap(&view.tan_left, &view.tan_right);
+    if (geometry->mirror_y)
+        swap(&view.tan_bottom, &view.tan_top);
     if (!isnan(view.eye.height_m))
         view.eye.height_m = fmin(fmax(view.eye.height_m, VIEW_LOWEST_M), VIEW_HIGHEST_M);
     *ret_view = view;

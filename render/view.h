@@ -9,7 +9,8 @@
 struct view {
     struct geodetic eye;
     double enu_from_eye[3][3]; /* columns: right, up, back (x, y, z of the GL eye frame) in ENU */
-    /* Tangents of the frustum's half-angles from the view direction; off-axis allowed. */
+    /* Tangents of the frustum's half-angles from the view direction, at the edges of the picture;
+     * off-axis allowed, and left greater than right (or bottom than top) in a mirror. */
     double tan_left, tan_right, tan_bottom, tan_top;
     double near_m;
     double visibility_m; /* meteorological: where contrast falls to 2 % (Koschmieder) */
@@ -22,6 +23,8 @@ struct channel_geometry {
     double offset_m[3];                  /* eyepoint in body axes: forward, right, down */
     double yaw_deg, pitch_deg, roll_deg; /* of the view direction against the body axes */
     double left_deg, right_deg, bottom_deg, top_deg;
+    bool mirror_x, mirror_y; /* left and right, bottom and top change places in the picture */
+    double near_m; /* what is nearer need not be seen; 0, or more than the channel's own: that */
 };
 
 /* A frustum whose edges are farther from the view direction than this, or nearer to each other, is

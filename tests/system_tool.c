@@ -4,9 +4,14 @@
  *   system_tool hold-port PORT        holds it for UDP until killed
  *   system_tool notify SOCKET FILE    a service manager's ear: each message's lines into FILE
  *   system_tool bad-input PORT KIND   one native datagram that has to be refused, or a good one
+ *   system_tool cigi PORT KIND [N]    a message of a CIGI host, good or bad, or N of noise
+ *   system_tool cigi-ask PORT REPLY HEIGHTS LINES FRAMES
+ *                                     a CIGI host that asks so many heights and lines of sight at
+ *                                     once, so many times, each time when all is answered
  */
 #include <math.h>
 #include <netinet/in.h>
+#include <poll.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -14,7 +19,9 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include "io/cigi_host.h"
 #include "io/native.h"
+#include "io/udp.h"
 
 #define LIFE_S 60 /* an orphan ends by itself */
 
@@ -124,6 +131,196 @@ static int bad_input(unsigned port, const char *kind)
     return 0;
 }
 
+static void put_own_ship(const struct cigi_host *host, struct cigi_writer *writer, double lat_deg)
+{
+    const struct pose pose = {.valid = POSE_POSITION | POSE_ATTITUDE,
+                              .position = {lat_deg, 7.9, 4000.0}};
+    cigi_host_put_pose(host, writer, 0, 1, &pose);
+}
+
+static void put_bytes(struct cigi_writer *writer, const uint8_t *bytes, size_t size)
+{
+    memcpy(writer->data + writer->size, bytes, size);
+    writer->size += size;
+}
+
+static void put_clamped(struct cigi_writer *writer)
+{
+    struct cigi_packet packet = {.kind = CIGI_ENTITY_CONTROL};
+    packet.entity_control = (struct cigi_entity_control){
+        .state = CIGI_ACTIVE, .placement = {.clamp = CIGI_CLAMPED, .place = {46.6, 7.9, 2000.0}}};
+    cigi_write(writer, &packet);
+}
+
+static void put_surroundings(const char *kind, struct cigi_writer *writer)
+{
+    struct cigi_packet air = {.kind = CIGI_ATMOSPHERE,
+                              .atmosphere = {.enable = 1, .visibility_m = 12340.0f}};
+    struct cigi_packet sky = {.kind = CIGI_CELESTIAL};
+    struct cigi_packet view = {.kind = CIGI_VIEW_DEFINITION,
+                               .view_definition = {.use = 4, .left = -89.0f}};
+    sky.celestial = (struct cigi_celestial){
+        .hour = 6, .minute = 30, .ephemeris = 1, .sun = 1, .date_valid = 1, .date = 6212025};
+    if (strcmp(kind, "air") == 0)
+        cigi_write(writer, &air);
+    if (strcmp(kind, "sky") == 0)
+        cigi_write(writer, &sky);
+    if (strcmp(kind, "view") == 0)
+        cigi_write(writer, &view);
+}
+
+/* What is wrong stands before a place of own-ship, where that can be read at all. */
+static size_t make_cigi(const char *kind, uint8_t data[CIGI_MESSAGE_MAX])
+{
+    static const uint8_t size_0[8] = {2, 0}, past_end[8] = {2, 240}, unknown[8] = {250, 8};
+    struct cigi_host host = {.format = {.major = 3, .minor = 3}, .frame = 1};
+    struct cigi_packet orphan = {.kind = CIGI_RATE, .rate = {.entity = 99}};
+    struct cigi_writer writer;
+    cigi_host_begin(&host, 1, data, &writer);
+    if (strcmp(kind, "operate") == 0)
+        put_own_ship(&host, &writer, 46.5);
+    if (strcmp(kind, "standby") == 0)
+        data[4] &= 0xfc;
+    if (strcmp(kind, "size-0") == 0)
+        put_bytes(&writer, size_0, sizeof(size_0));
+    if (strcmp(kind, "past-end") == 0)
+        put_bytes(&writer, past_end, sizeof(past_end));
+    if (strcmp(kind, "nan") == 0) {
+        put_own_ship(&host, &writer, NAN);
+        put_own_ship(&host, &writer, 46.6);
+    }
+    if (strcmp(kind, "no-entity") == 0)
+        cigi_write(&writer, &orphan);
+    if (strcmp(kind, "unknown") == 0) {
+        put_bytes(&writer, unknown, sizeof(unknown));
+        put_own_ship(&host, &writer, 46.7);
+    }
+    if (strcmp(kind, "place") == 0)
+        put_own_ship(&host, &writer, 46.7);
+    if (strcmp(kind, "clamped") == 0)
+        put_clamped(&writer);
+    put_surroundings(kind, &writer);
+    if (strcmp(kind, "magic") == 0 || strcmp(kind, "noise") == 0)
+        memset(data, 0x5a, writer.size);
+    return writer.size;
+}
+
+/* Noise comes from 127.0.0.9. */
+static int cigi(unsigned port, const char *kind, int count)
+{
+    static uint8_t data[CIGI_MESSAGE_MAX];
+    size_t size = make_cigi(kind, data);
+    struct sockaddr_in to = {.sin_family = AF_INET,
+                             .sin_port = htons((uint16_t)port),
+                             .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
+    struct sockaddr_in from = {.sin_family = AF_INET, .sin_addr.s_addr = htonl(0x7f000009)};
+    int fd = socket(AF_INET, SOCK_DGRAM, 0);
+    if (fd < 0 ||
+        (strcmp(kind, "noise") == 0 && bind(fd, (struct sockaddr *)&from, sizeof(from)) < 0))
+        fail("socket");
+    for (int i = 0; i < count; i++) {
+        if (sendto(fd, data, size, 0, (struct sockaddr *)&to, sizeof(to)) != (ssize_t)size)
+            fail("sendto");
+        if (i % 10 == 9)
+            usleep(1000);
+    }
+    close(fd);
+    return 0;
+}
+
+/* Heights, normals and lines of sight around own-ship. */
+static void put_requests(struct cigi_writer *writer, unsigned heights, unsigned lines)
+{
+    for (unsigned i = 0; i < heights + lines; i++) {
+        double turn = (double)i * 0.618, far_deg = 0.05 * (i % 50) / 50.0;
+        double place[3] = {46.5 + far_deg * sin(turn), 7.9 + far_deg * cos(turn), 4000.0};
+        uint16_t number = (uint16_t)i;
+        struct cigi_packet packet = {.kind = CIGI_HEIGHT_REQUEST};
+        if (i < heights) {
+            packet.height_request =
+                (struct cigi_height_request){.request = number, .type = (uint8_t)(i % 3)};
+            memcpy(packet.height_request.place, place, sizeof(place));
+        } else {
+            packet.kind = CIGI_VECTOR_REQUEST;
+            packet.vector_request = (struct cigi_vector_request){.request = number,
+                                                                 .azimuth_deg = (float)i,
+                                                                 .elevation_deg = -30.0f,
+                                                                 .most_m = 20e3f};
+            memcpy(packet.vector_request.from, place, sizeof(place));
+        }
+        if (!cigi_write(writer, &packet))
+            fail("a message of requests");
+    }
+}
+
+struct asking {
+    struct udp udp;
+    union address to;
+    struct cigi_host host;
+    uint32_t frame; /* in which was asked last */
+    bool heard;     /* that has been echoed */
+    unsigned long asked, answered, in_next;
+    uint8_t data[CIGI_MESSAGE_MAX];
+};
+
+static bool is_response(const struct cigi_packet *packet)
+{
+    return (packet->kind == CIGI_HEIGHT_RESPONSE && packet->height_response.valid) ||
+           (packet->kind == CIGI_HEIGHT_EXTENDED && packet->height_extended.valid) ||
+           packet->kind == CIGI_SIGHT_RESPONSE;
+}
+
+/* False where nothing comes for a second. */
+static bool take_start(struct asking *asking)
+{
+    struct pollfd ready = {.fd = asking->udp.fd, .events = POLLIN};
+    struct datagram datagram;
+    struct cigi_reader reader;
+    struct cigi_packet packet;
+    if (poll(&ready, 1, 1000) <= 0 ||
+        udp_receive(&asking->udp, asking->data, sizeof(asking->data), &datagram) <= 0)
+        return false;
+    if (cigi_host_receive(&asking->host, asking->data, datagram.size, &reader, NULL) < 0)
+        fail("a message that is no Start of Frame");
+    bool echoes = (int32_t)(asking->host.seen.host_frame - asking->frame) >= 0;
+    bool is_next = echoes && !asking->heard;
+    while (cigi_read(&reader, &packet, NULL) != CIGI_END) {
+        asking->answered += is_response(&packet);
+        asking->in_next += is_next && is_response(&packet);
+    }
+    asking->heard = echoes;
+    return true;
+}
+
+static int cigi_ask(char **arguments)
+{
+    static struct asking asking = {.host = {.format = {.major = 3, .minor = 3}, .frame = 1}};
+    unsigned heights = (unsigned)atoi(arguments[2]), lines = (unsigned)atoi(arguments[3]);
+    unsigned long all = (unsigned long)(heights + lines) * (unsigned)atoi(arguments[4]);
+    char to[64], listen[64];
+    struct cigi_writer writer;
+    snprintf(to, sizeof(to), "127.0.0.1:%s", arguments[0]);
+    snprintf(listen, sizeof(listen), "127.0.0.1:%s", arguments[1]);
+    if (address_parse(to, &asking.to, NULL) < 0 || udp_listen(&asking.udp, listen, NULL) < 0)
+        fail(to);
+    while (asking.answered < all && take_start(&asking)) {
+        cigi_host_begin(&asking.host, clock_monotonic_ns(), asking.data, &writer);
+        put_own_ship(&asking.host, &writer, 46.5);
+        if (asking.host.seen.mode == CIGI_OPERATE && asking.answered == asking.asked &&
+            asking.asked < all) {
+            put_requests(&writer, heights, lines);
+            asking.asked += heights + lines;
+            asking.frame = asking.host.frame - 1;
+            asking.heard = false;
+        }
+        udp_send_to(&asking.udp, &asking.to, asking.data, writer.size);
+    }
+    udp_close(&asking.udp);
+    printf("%lu asked, %lu answered, %lu in the next message\n", asking.asked, asking.answered,
+           asking.in_next);
+    return 0;
+}
+
 int main(int argc, char **argv)
 {
     const char *what = argc > 1 ? argv[1] : "";
@@ -136,6 +333,10 @@ int main(int argc, char **argv)
         notify(argv[2], argv[3]);
     if (strcmp(what, "bad-input") == 0 && argc == 4)
         return bad_input((unsigned)atoi(argv[2]), argv[3]);
+    if (strcmp(what, "cigi") == 0 && argc >= 4)
+        return cigi((unsigned)atoi(argv[2]), argv[3], argc > 4 ? atoi(argv[4]) : 1);
+    if (strcmp(what, "cigi-ask") == 0 && argc == 7)
+        return cigi_ask(argv + 2);
     fputs("usage: see the head of tests/system_tool.c\n", stderr);
     return 64;
 }

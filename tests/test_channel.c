@@ -5,6 +5,10 @@
 #include <errno.h>
 #include <math.h>
 
+#include <epoxy/gl.h>
+#include <stdlib.h>
+#include <string.h>
+
 #include "tests/check.h"
 
 /* Of a channel over the embedded planet, `size` pixels a side. */
@@ -57,11 +61,75 @@ static void a_pose_that_is_no_place_shows_the_one_before(void)
     CHECK_INT(channel_create(&params, &channel, &diag), -EINVAL);
 }
 
+#define SIDE 128
+
+static void draw(struct channel *channel, const struct channel_geometry *geometry,
+                 uint8_t ret_pixels[SIDE][SIDE][4])
+{
+    const struct pose pose = {.position = {46.5, 8.0, 3000.0}, .attitude = {10.0, -10.0, 30.0}};
+    struct channel_frame frame;
+    channel_set_geometry(channel, geometry);
+    channel_draw(channel, &pose, &pose, 0, true, &frame);
+    CHECK(!frame.renderer.failed);
+    glBindFramebuffer(GL_READ_FRAMEBUFFER, renderer_framebuffer(channel_renderer(channel)));
+    glReadPixels(0, 0, SIDE, SIDE, GL_RGBA, GL_UNSIGNED_BYTE, ret_pixels);
+}
+
+/* Mean difference of a colour; the mirrored picture's edges may fall to the other neighbour. */
+static double difference(uint8_t a[SIDE][SIDE][4], uint8_t b[SIDE][SIDE][4], bool flip_x,
+                         bool flip_y)
+{
+    double sum = 0.0;
+    for (int y = 0; y < SIDE; y++)
+        for (int x = 0; x < SIDE; x++)
+            for (int c = 0; c < 3; c++)
+                sum += abs(a[y][x][c] - b[flip_y ? SIDE - 1 - y : y][flip_x ? SIDE - 1 - x : x][c]);
+    return sum / (3.0 * SIDE * SIDE);
+}
+
+static void the_frustum_changes_from_frame_to_frame_and_in_a_mirror(void)
+{
+    static uint8_t plain[SIDE][SIDE][4], other[SIDE][SIDE][4];
+    struct channel *channel = NULL;
+    struct diag diag = {""};
+    struct channel_params params = channel_of(SIDE);
+    if (channel_create(&params, &channel, &diag) < 0)
+        CHECK_FAIL("%s", diag.text);
+    if (!channel)
+        return;
+    struct channel_geometry geometry = params.geometry;
+    for (int i = 0; i < 3; i++) /* levels of detail settle */
+        draw(channel, &geometry, plain);
+    geometry.mirror_x = true;
+    draw(channel, &geometry, other);
+    printf("mirrored: %.3f; unmirrored: %.3f\n", difference(plain, other, true, false),
+           difference(plain, other, false, false));
+    CHECK(difference(plain, other, true, false) < 0.1);
+    CHECK(difference(plain, other, false, false) > 2.0);
+    geometry.mirror_y = true;
+    draw(channel, &geometry, other);
+    CHECK(difference(plain, other, true, true) < 0.1);
+    /* Back, and with an oblique frustum: the left half, twice as large. */
+    draw(channel, &params.geometry, other);
+    CHECK_NEAR(difference(plain, other, false, false), 0.0, 0.0);
+    geometry = params.geometry;
+    geometry.right_deg = 0.0;
+    draw(channel, &geometry, other);
+    double sum = 0.0;
+    for (int x = 0; x < SIDE; x++)
+        for (int c = 0; c < 3; c++)
+            sum += abs(other[SIDE / 2][x][c] - plain[SIDE / 2][x / 2][c]);
+    CHECK(sum / (3.0 * SIDE) < 12.0);
+    channel_destroy(channel);
+}
+
 int main(void)
 {
     static const struct check_test tests[] = {
         {"a pose that is no place shows the one before",
          a_pose_that_is_no_place_shows_the_one_before},
+        {"the frustum changes from frame to frame, and in a mirror",
+         the_frustum_changes_from_frame_to_frame_and_in_a_mirror},
     };
     struct gl_context *context;
     struct diag diag = {""};

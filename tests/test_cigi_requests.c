@@ -429,9 +429,36 @@ static void test_reset(void)
     pair_end();
 }
 
+/* In synchronous operation a message starts its frame; the next one of ours has the answers. */
+static void test_placed_when_it_comes(void)
+{
+    struct cigi_packet request = {.kind = CIGI_HEIGHT_REQUEST};
+    const struct cigi_answer answer = {.known = true, .height_m = 432.5};
+    request.height_request = (struct cigi_height_request){
+        .request = 77, .type = CIGI_HOT, .place = {LAT_DEG, LON_DEG, 0.0}};
+    operate(little_3);
+    pair_open();
+    pair_put(&request);
+    uint32_t frame = talk.host.frame - 1;
+    CHECK_INT(pair_send(), 0);
+    CHECK_INT(cigi_session_questions(talk.session, questions, 1100), 0);
+    cigi_session_place(talk.session, NULL);
+    CHECK_INT(cigi_session_questions(talk.session, questions, 1100), 1);
+    CHECK_INT(cigi_session_answer(talk.session, questions[0].token, &answer), 0);
+    pair_answer();
+    CHECK_INT(pair_responses(CIGI_HEIGHT_RESPONSE, responses, 1100), 1);
+    CHECK(responses[0].height_response.height_m == 432.5);
+    CHECK_INT(responses[0].height_response.frame_low, frame & 15);
+    cigi_session_begin(talk.session, talk.now_ns, NULL);
+    CHECK_INT(cigi_session_questions(talk.session, questions, 1100), 0);
+    pair_end();
+}
+
 int main(void)
 {
     static const struct check_test tests[] = {
+        {"what is asked is placed when it comes, and answered in the next message",
+         test_placed_when_it_comes},
         {"HAT, HOT and extended", test_heights},
         {"heights at places in an entity's axes", test_height_of_entity},
         {"periodic requests begin, wait and end", test_periodic},

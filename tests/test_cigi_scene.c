@@ -273,6 +273,42 @@ static void test_entities_4(void)
     pair_end();
 }
 
+/* Two besides own-ship, one of them not to be seen, and one that hangs below it. */
+static void test_seen(void)
+{
+    struct cigi_packet ship = entity_at(0, LAT_DEG, LON_DEG, 1500.0);
+    struct cigi_packet other = entity_at(7, LAT_DEG, LON_DEG, 1600.0);
+    struct cigi_packet hidden = entity_at(8, LAT_DEG, LON_DEG, 1700.0);
+    struct cigi_packet child = child_of(9, 0, 0.0, 0.0, 5.0);
+    struct cigi_seen seen[4];
+    double at_m[3];
+    pair_operate(little_3);
+    exchange(&ship);
+    other.entity_control.type = 700;
+    other.entity_control.placement.yaw_deg = 90.0f;
+    exchange(&other);
+    hidden.entity_control.state = CIGI_INACTIVE;
+    exchange(&hidden);
+    exchange(&child);
+    CHECK_INT(cigi_scene_seen(scene(), 0, &ground, seen, 4), 2);
+    CHECK(seen[0].entity == 7 && seen[0].type == 700 && seen[0].alpha == 255 && seen[0].kind == 0);
+    CHECK_INT(seen[1].entity, 9);
+    geocentric_from_geodetic(&(struct geodetic){LAT_DEG, LON_DEG, 1600.0}, at_m);
+    for (int i = 0; i < 3; i++)
+        CHECK_NEAR(seen[0].ecef_m[i], at_m[i], 1e-6);
+    /* Its nose, along x, points to the east: (-sin lon, cos lon, 0). */
+    double m[3][3], lon = LON_DEG * M_PI / 180.0;
+    matrix_from_quaternion(seen[0].ecef_from_body, m);
+    CHECK_NEAR(m[0][0], -sin(lon), 1e-9);
+    CHECK_NEAR(m[1][0], cos(lon), 1e-9);
+    geocentric_from_geodetic(&(struct geodetic){LAT_DEG, LON_DEG, 1495.0}, at_m);
+    for (int i = 0; i < 3; i++)
+        CHECK_NEAR(seen[1].ecef_m[i], at_m[i], 1e-3);
+    CHECK_INT(cigi_scene_seen(scene(), 0, &ground, seen, 1), 1);
+    CHECK_INT(cigi_scene_seen(scene(), 7, &ground, seen, 4), 2);
+    pair_end();
+}
+
 static void test_any_angles(void)
 {
     struct cigi_packet ship = entity_at(0, LAT_DEG, LON_DEG + 360.0 - 8.0, 1500.0);
@@ -424,6 +460,7 @@ static void test_limits(void)
 int main(void)
 {
     static const struct check_test tests[] = {
+        {"what is to be drawn: active entities but own-ship, in ECEF", test_seen},
         {"children ride on their parents and go with them", test_children},
         {"attachment has a depth that ends", test_depth},
         {"entities are clamped to the ground and to its slope", test_clamps},

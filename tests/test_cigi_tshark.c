@@ -1,30 +1,17 @@
 /* Wireshark reads every CIGI 3.x packet that we send, and finds in it what we meant. */
-#include <math.h>
-#include <stdlib.h>
-#include <unistd.h>
-
 #include "io/cigi_codec.h"
-#include "tests/check.h"
+#include "tests/tshark.h"
 
-#define FIELDS_MAX 32
-#define NAME(f)    "cigi." f
+#define NAME(f) "cigi." f
 
 static const struct cigi_format *format;
 static uint8_t data[CIGI_MESSAGE_MAX];
 static struct cigi_writer writer;
-static char folder[] = "/tmp/otwd-cigi-XXXXXX";
-
-/* What Wireshark is to find: field by field, as numbers. */
-static struct {
-    char name[80];
-    double value;
-} expected[FIELDS_MAX];
-static size_t expected_count;
+static struct tshark_expected expected;
 
 static void expect(const char *name, double value)
 {
-    snprintf(expected[expected_count].name, sizeof(expected[0].name), "%s", name);
-    expected[expected_count++].value = value;
+    tshark_expect(&expected, name, value);
 }
 
 /* Wireshark has two sets of names for this packet. */
@@ -51,61 +38,14 @@ static void begin(const struct cigi_packet *packet)
     CHECK(cigi_write(&writer, &start));
     if (packet)
         CHECK(cigi_write(&writer, packet));
-    expected_count = 0;
-}
-
-static void write_capture(const char *hex_path)
-{
-    FILE *file = fopen(hex_path, "we");
-    CHECK(file != NULL);
-    if (!file)
-        return;
-    for (size_t i = 0; i < writer.size; i++) {
-        if (i % 16 == 0)
-            fprintf(file, "\n%06zx", i);
-        fprintf(file, " %02x", data[i]);
-    }
-    fclose(file);
-}
-
-/* Values come one a column; true and false as such. */
-static double number(const char *text)
-{
-    return strcmp(text, "True") == 0 ? 1.0 : strcmp(text, "False") == 0 ? 0.0 : strtod(text, NULL);
-}
-
-static void compare(char *line)
-{
-    for (size_t i = 0; i < expected_count; i++) {
-        char *text = strsep(&line, "\t\n");
-        double value = text && *text ? number(text) : NAN;
-        if (!(fabs(value - expected[i].value) <= 1e-6 * fabs(expected[i].value)))
-            CHECK_FAIL("CIGI 3.%u %s: %s is \"%s\", sent as %.9g", format->minor,
-                       format->big ? "big" : "little", expected[i].name, text ? text : "",
-                       expected[i].value);
-    }
+    expected.count = 0;
 }
 
 static void check(void)
 {
-    char command[8192], line[4096] = "", hex_path[64], capture[64];
-    snprintf(hex_path, sizeof(hex_path), "%s/message.txt", folder);
-    snprintf(capture, sizeof(capture), "%s/message.pcap", folder);
-    write_capture(hex_path);
-    int length = snprintf(command, sizeof(command),
-                          "text2pcap -q -u 8005,8004 %s %s 2>/dev/null &&"
-                          " tshark -r %s -d udp.port==8004,cigi -T fields",
-                          hex_path, capture, capture);
-    for (size_t i = 0; i < expected_count; i++)
-        length += snprintf(command + length, sizeof(command) - (size_t)length, " -e %s",
-                           expected[i].name);
-    snprintf(command + length, sizeof(command) - (size_t)length, " 2>/dev/null");
-    FILE *pipe = popen(command, "re");
-    if (!pipe || !fgets(line, sizeof(line), pipe))
-        CHECK_FAIL("no answer to %s", command);
-    if (pipe)
-        pclose(pipe);
-    compare(line);
+    char what[32];
+    snprintf(what, sizeof(what), "CIGI 3.%u %s", format->minor, format->big ? "big" : "little");
+    tshark_check(what, data, writer.size, 8004, "cigi", &expected);
 }
 
 static void check_start(void)
@@ -311,14 +251,5 @@ int main(void)
         {"and positions", test_position},
         {"and the environment, and messages", test_environment},
     };
-    if (system("tshark --version >/dev/null 2>&1 && text2pcap --version >/dev/null 2>&1") != 0) {
-        puts("skip: tshark and text2pcap are not installed");
-        return 77;
-    }
-    if (!mkdtemp(folder))
-        return 1;
-    int r = CHECK_MAIN(tests);
-    char command[64];
-    snprintf(command, sizeof(command), "rm -r %s", folder);
-    return system(command) == 0 ? r : 1;
+    return tshark_main(tests, sizeof(tests) / sizeof(tests[0]));
 }

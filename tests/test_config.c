@@ -67,6 +67,7 @@ static void check_defaults(const struct config *c)
     CHECK_INT(c->environment.time_utc_ns, 0);
     CHECK(c->environment.atmosphere);
     CHECK_INT(c->pose.mode, CONFIG_POSE_EXTRAPOLATE);
+    CHECK_INT(c->pose.delay_ms, 40);
     CHECK_INT(c->pose.max_extrapolation_ms, 250);
     CHECK_INT(c->pose.on_loss, CONFIG_ON_LOSS_COAST);
     CHECK_STRING(c->health.modbus.listen, "127.0.0.1:1502");
@@ -141,6 +142,38 @@ static void a_key_that_is_given_is_used_and_its_neighbours_keep_their_defaults(v
     config_errors_finish(&errors);
 }
 
+static void each_protocol_has_its_own_defaults(void)
+{
+    struct config c;
+    struct config_errors errors;
+    CHECK_INT(load("sources:\n"
+                   "- {type: xplane}\n"
+                   "- {type: xplane, listen: \"0.0.0.0:1\", subscribe: \"[fe80::1]:49000\"}\n"
+                   "- {type: xplane, listen: \"127.0.0.1:2\", subscribe: \"\", rate_hz: 30}\n"
+                   "- {type: dis}\n"
+                   "- {type: dis, listen: \"127.0.0.1:3\", entity: 7:65535:9, exercise: 4}\n",
+                   &c, &errors),
+              0);
+    CHECK_STRING(c.sources[0].listen, "127.0.0.1:49003");
+    CHECK_STRING(c.sources[0].subscribe, "127.0.0.1:49000");
+    CHECK_INT(c.sources[0].rate_hz, 60);
+    CHECK_INT(c.sources[0].timeout_ms, 500);
+    CHECK_INT(c.sources[0].allow_count, 3);
+    CHECK_STRING(c.sources[1].allow[2].range, "fe80::1"); /* who is asked may answer */
+    CHECK_STRING(c.sources[2].subscribe, "");
+    CHECK_INT(c.sources[2].rate_hz, 30);
+    CHECK_INT(c.sources[2].allow_count, 2);
+    CHECK_STRING(c.sources[3].listen, "127.0.0.1:3000");
+    CHECK_INT(c.sources[3].timeout_ms, 12000);
+    CHECK_INT(c.sources[3].entity_id.site, 1);
+    CHECK_INT(c.sources[3].exercise, 0);
+    CHECK_INT(c.sources[4].entity_id.application, 65535);
+    CHECK_INT(c.sources[4].entity_id.entity, 9);
+    CHECK_INT(c.sources[4].exercise, 4);
+    config_finish(&c);
+    config_errors_finish(&errors);
+}
+
 static void an_empty_list_of_sources_is_obeyed(void)
 {
     struct config c;
@@ -153,7 +186,8 @@ static void an_empty_list_of_sources_is_obeyed(void)
 
 static void the_examples_load(void)
 {
-    static const char *const names[] = {"minimal", "flightgear", "canaerospace", "full"};
+    static const char *const names[] = {"minimal",      "flightgear", "xplane", "dis",
+                                        "canaerospace", "can-table",  "full"};
     for (size_t i = 0; i < sizeof(names) / sizeof(names[0]); i++) {
         char path[1024];
         struct config c = {0};
@@ -261,9 +295,21 @@ static void impossible_values_are_named_with_their_limits(void)
 static void sources_that_contradict_themselves_or_each_other_are_named(void)
 {
     static const struct bad bad[] = {
-        {"sources:\n- {name: a, type: cigi, version: 4.0}\n",
-         "2:19: sources[0].type: cigi is not supported by this version; use native, flightgear or "
-         "canaerospace"},
+        {"sources: [{type: cigi, version: 3.4}]\n",
+         "1:33: sources[0].version is 3.4; it must be 3.0, 3.1, 3.2, 3.3 or 4.0"},
+        {"sources: [{type: cigi, version: 2.0}]\n",
+         "1:33: sources[0].version is 2.0; it must lie between 3 and 4"},
+        {"sources: [{type: cigi, reply: here}]\n",
+         "1:31: sources[0].reply is 'here'; it must be a numeric address and a port, like "
+         "127.0.0.1:5500 or [::1]:5500"},
+        {"sources: [{type: cigi, reply: \"127.0.0.1:8004\"}]\n",
+         "1:31: sources[0].reply: 127.0.0.1:8004 is where the source itself listens"},
+        {"sources: [{type: cigi, altitude: egm96}]\n",
+         "1:24: sources[0].altitude: cigi counts heights from the ellipsoid"},
+        {"sources: [{type: cigi, database: 0}]\n",
+         "1:34: sources[0].database is 0; it must lie between 1 and 127"},
+        {"sources: [{type: flightgear, sync_wait_ms: 5}]\n",
+         "1:30: sources[0].sync_wait_ms: flightgear is not waited for"},
         {"sources:\n- {name: a, listen: \"127.0.0.1:1\"}\n- {name: a, listen: \"127.0.0.1:2\"}\n",
          "3:10: sources[1].name: 'a' is already the name of sources[0]"},
         {"sources:\n- {name: a, listen: \"127.0.0.1:1\"}\n- {name: b, listen: \"127.0.0.1:1\"}\n",
@@ -288,8 +334,100 @@ static void sources_that_contradict_themselves_or_each_other_are_named(void)
          "network like 192.168.1.0/24"},
         {"sources: [{allow: []}]\n",
          "1:19: sources[0].allow is empty; list the senders, or 0.0.0.0/0 and ::/0 for anyone"},
+        {"sources: [{type: native, allow_transmit: true}]\n",
+         "1:26: sources[0].allow_transmit: native has nothing to transmit"},
+        {"sources: [{type: canaerospace, fields: []}]\n",
+         "1:32: sources[0].fields: canaerospace defines its own fields"},
+        {"sources: [{type: xplane, subscribe: here}]\n",
+         "1:37: sources[0].subscribe is 'here'; it must be a numeric address and a port, like "
+         "127.0.0.1:5500 or [::1]:5500"},
+        {"sources: [{type: native, subscribe: \"127.0.0.1:49000\"}]\n",
+         "1:26: sources[0].subscribe: native sends without being asked"},
+        {"sources: [{type: xplane, rate_hz: 100}]\n",
+         "1:35: sources[0].rate_hz is 100; it must lie between 1 and 99 Hz"},
+        {"sources:\n- type: dis\n  entity: 1:2\n",
+         "3:11: sources[0].entity is '1:2'; it must be SITE:APPLICATION:ENTITY, like 1:1:1"},
+        {"sources: [{type: dis, entity: \"0:0:0\"}]\n",
+         "1:31: sources[0].entity is '0:0:0'; it must be SITE:APPLICATION:ENTITY, like 1:1:1"},
+        {"sources: [{type: dis, altitude: egm96}]\n",
+         "1:23: sources[0].altitude: dis tells places from the Earth's centre, not altitudes"},
+        {"sources: [{type: flightgear, exercise: 1}]\n",
+         "1:30: sources[0].exercise: flightgear knows no exercises"},
         {"sources: [{timeout_ms: 5}]\n",
          "1:24: sources[0].timeout_ms is 5; it must lie between 10 and 60000 ms"},
+    };
+    check_bad(bad, sizeof(bad) / sizeof(bad[0]));
+}
+
+/* A whole position, so that only the field that is added can be wrong. */
+#define TABLE                                                                                      \
+    "sources:\n- type: can-table\n  fields:\n"                                                     \
+    "  - {id: 18FEF301, field: latitude, scale: 1.0e-7}\n"                                         \
+    "  - {id: 18FEF301, field: longitude, bit: 32, scale: 1.0e-7}\n"                               \
+    "  - {id: 120, field: altitude, type: unsigned, bits: 16, order: little, unit: ft}\n"
+
+static void a_can_table_is_read(void)
+{
+    struct config c;
+    struct config_errors errors;
+    CHECK_INT(load(TABLE "  - {id: 121, field: up, type: float, unit: ft/min, offset: -5}\n", &c,
+                   &errors),
+              0);
+    CHECK_STRING(c.sources[0].interface, "can0");
+    struct can_table table = config_can_table(&c.sources[0]);
+    CHECK_INT(table.count, 4);
+    CHECK_INT(table.fields[0].can_id, 0x18fef301 | CAN_EFF_FLAG);
+    CHECK_INT(table.fields[0].bits, 32);
+    CHECK_INT(table.fields[0].number, CAN_NUMBER_SIGNED);
+    CHECK_INT(table.fields[0].order, CAN_ORDER_BIG);
+    CHECK_NEAR(table.fields[0].scale, 1e-7, 0);
+    CHECK_INT(table.fields[1].quantity, CAN_GPS_LONGITUDE);
+    CHECK_INT(table.fields[1].bit, 32);
+    CHECK_INT(table.fields[2].can_id, 0x120);
+    CHECK_INT(table.fields[2].order, CAN_ORDER_LITTLE);
+    CHECK_INT(table.fields[2].unit, CAN_UNIT_FT);
+    CHECK_NEAR(table.fields[2].scale, 1, 0);
+    CHECK_INT(table.fields[3].number, CAN_NUMBER_FLOAT);
+    CHECK_NEAR(table.fields[3].offset, -5, 0);
+    config_finish(&c);
+    config_errors_finish(&errors);
+}
+
+static void what_is_wrong_in_a_can_table_is_named(void)
+{
+    static const struct bad bad[] = {
+        {"sources: [{type: can-table}]\n",
+         "1:11: sources[0].fields has no latitude, without which there is no position"},
+        {"sources:\n- type: can-table\n  fields:\n"
+         "  - {id: 120, field: latitude}\n  - {id: 121, field: longitude}\n",
+         "4:3: sources[0].fields has no height or altitude, without which there is no position"},
+        {TABLE "  - {id: 12, field: roll}\n",
+         "7:10: sources[0].fields[3].id is '12'; it must be 3 hexadecimal digits, or 8 of a 29-bit "
+         "identifier"},
+        {TABLE "  - {field: roll}\n", "7:5: sources[0].fields[3].id is missing"},
+        {TABLE "  - {id: 122}\n", "7:5: sources[0].fields[3].field is missing"},
+        {TABLE "  - {id: 122, field: latitude}\n",
+         "7:22: sources[0].fields[3].field: fields[0] is already the latitude"},
+        {TABLE "  - {id: 122, field: speed}\n",
+         "7:22: sources[0].fields[3].field is 'speed'; it must be one of latitude, longitude, "
+         "height, altitude, roll, pitch, heading, magnetic_heading, magnetic_variation, north, "
+         "east, up, ground_speed, track, body_forward, body_right, body_up, roll_rate, "
+         "pitch_rate, yaw_rate"},
+        {TABLE "  - {id: 122, field: roll, bit: 40}\n",
+         "7:33: sources[0].fields[3]: 32 bits from bit 40 are more than the 64 of a frame"},
+        {TABLE "  - {id: 122, field: roll, bits: 16, type: float}\n",
+         "7:34: sources[0].fields[3].bits is 16; a float has 32 or 64"},
+        {TABLE "  - {id: 122, field: roll, scale: 0}\n", "7:35: sources[0].fields[3].scale is 0"},
+        {TABLE "  - {id: 122, field: roll, unit: kt}\n",
+         "7:34: sources[0].fields[3].unit: a roll is not told in kt"},
+        {TABLE "  - {id: 122, field: roll, unit: grad}\n",
+         "7:34: sources[0].fields[3].unit is 'grad'; it must be one of default, deg, rad, m, km, "
+         "ft, m/s, km/h, kt, ft/s, ft/min, deg/s, rad/s"},
+        {TABLE "  - {id: 122, field: roll, bit: 64}\n",
+         "7:33: sources[0].fields[3].bit is 64; it must lie between 0 and 63"},
+        {TABLE "  - {id: 122, fild: roll}\n",
+         "7:5: sources[0].fields[3].field is missing\n"
+         "7:15: unknown key 'sources[0].fields[3].fild'; did you mean 'field'?"},
     };
     check_bad(bad, sizeof(bad) / sizeof(bad[0]));
 }
@@ -427,6 +565,7 @@ int main(void)
          no_file_an_empty_file_and_comments_give_the_defaults},
         {"a key that is given is used and its neighbours keep their defaults",
          a_key_that_is_given_is_used_and_its_neighbours_keep_their_defaults},
+        {"each protocol has its own defaults", each_protocol_has_its_own_defaults},
         {"an empty list of sources is obeyed", an_empty_list_of_sources_is_obeyed},
         {"the examples load", the_examples_load},
         {"unknown and repeated keys are named", unknown_and_repeated_keys_are_named},
@@ -435,6 +574,8 @@ int main(void)
          impossible_values_are_named_with_their_limits},
         {"sources that contradict themselves or each other are named",
          sources_that_contradict_themselves_or_each_other_are_named},
+        {"a CAN table is read", a_can_table_is_read},
+        {"what is wrong in a CAN table is named", what_is_wrong_in_a_can_table_is_named},
         {"syntax errors have their place", syntax_errors_have_their_place},
         {"a typo does not hide what is wrong elsewhere",
          a_typo_does_not_hide_what_is_wrong_elsewhere},

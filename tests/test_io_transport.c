@@ -336,7 +336,14 @@ static struct can_frame frame_of(uint32_t id, const char *hex)
 
 static void a_canaerospace_source_reads_the_simulated_bus(void)
 {
-    struct pose_source *source = open_source(POSE_PROTOCOL_CANAEROSPACE, bus_url(), NULL);
+    struct pose_source *source = NULL;
+    struct pose_source_params params = {
+        .name = "bus",
+        .endpoint = bus_url(),
+        .intake = {.protocol = POSE_PROTOCOL_CANAEROSPACE,
+                   .geoid = {.undulation_m = constant_undulation_m}},
+        .transmit = true};
+    CHECK_INT(pose_source_open(&params, &source, NULL), 0);
     struct can_bus *a = NULL, *b = NULL;
     struct can_bus_params member = {0};
     CHECK_INT(can_bus_create(bus_url(), &member, &a, NULL), 0);
@@ -382,6 +389,25 @@ static void a_canaerospace_source_reads_the_simulated_bus(void)
     can_bus_destroy(a);
     can_bus_destroy(b);
     can_bus_destroy(NULL);
+    pose_source_close(source);
+}
+
+static void a_source_that_may_not_transmit_stays_silent(void)
+{
+    struct pose_source *source = open_source(POSE_PROTOCOL_CANAEROSPACE, bus_url(), NULL);
+    struct can_bus *member = NULL;
+    struct can_frame who = frame_of(128, "00000005"), frame;
+    struct heard heard = {0};
+    nsec_t at_ns;
+    CHECK_INT(can_bus_create(bus_url(), &(struct can_bus_params){0}, &member, NULL), 0);
+    poll(NULL, 0, 10);
+    CHECK_INT(can_bus_send(member, &who), 0);
+    struct pose_source_events events = {.context = &heard, .pose = hear_pose};
+    for (int i = 0; i < 5; i++, poll(NULL, 0, 10))
+        pose_source_dispatch(source, clock_monotonic_ns(), &events);
+    CHECK_INT(can_bus_receive(member, &frame, &at_ns, NULL), 0);
+    CHECK_INT(pose_source_counters(source)->received, 0);
+    can_bus_destroy(member);
     pose_source_close(source);
 }
 
@@ -476,25 +502,6 @@ static void the_best_live_source_drives(void)
     CHECK_INT(arbiter_add(&arbiter, 1, 1), -ENOSPC);
 }
 
-static void a_frame_sees_the_pose_at_its_own_time_within_a_limit(void)
-{
-    struct pose pose = {.time_ns = NSEC_PER_SEC,
-                        .valid = POSE_POSITION | POSE_VELOCITY,
-                        .velocity_ned_mps = {0, 0, -10}};
-    struct pose_policy policy = {.max_extrapolation_ns = 250 * NSEC_PER_MSEC};
-    struct pose seen;
-    pose_for_frame(&policy, &pose, true, NSEC_PER_SEC + 100 * NSEC_PER_MSEC, &seen);
-    CHECK_NEAR(seen.position.height_m, 1.0, 1e-6);
-    pose_for_frame(&policy, &pose, false, 9 * NSEC_PER_SEC, &seen); /* coasts, then holds */
-    CHECK_NEAR(seen.position.height_m, 2.5, 1e-6);
-    policy.on_loss = POSE_ON_LOSS_FREEZE;
-    pose_for_frame(&policy, &pose, false, 9 * NSEC_PER_SEC, &seen);
-    CHECK_NEAR(seen.position.height_m, 0.0, 0.0);
-    policy.mode = POSE_MODE_HOLD;
-    pose_for_frame(&policy, &pose, true, 9 * NSEC_PER_SEC, &seen);
-    CHECK_NEAR(seen.position.height_m, 0.0, 0.0);
-}
-
 static const struct check_test tests[] = {
     {"addresses and networks are parsed", addresses_and_networks_are_parsed},
     {"a port in use is named", a_port_in_use_is_named},
@@ -509,14 +516,13 @@ static const struct check_test tests[] = {
     {"a bad endpoint names the source", a_bad_endpoint_names_the_source},
     {"a CANaerospace source reads the simulated bus",
      a_canaerospace_source_reads_the_simulated_bus},
+    {"a source that may not transmit stays silent", a_source_that_may_not_transmit_stays_silent},
     {"a member that speaks no CAN is shown the door",
      a_member_that_speaks_no_can_is_shown_the_door},
     {"a bus that is gone comes back", a_bus_that_is_gone_comes_back},
     {"an interface that is not there is down, not fatal",
      an_interface_that_is_not_there_is_down_not_fatal},
     {"the best live source drives", the_best_live_source_drives},
-    {"a frame sees the pose at its own time, within a limit",
-     a_frame_sees_the_pose_at_its_own_time_within_a_limit},
 };
 
 int main(void)

@@ -9,12 +9,12 @@ _otwd_options() {
 _otwd_values() {
     case $1 in
     --technique) echo "clipmap" ;;
-    --protocol) echo "native flightgear canaerospace" ;;
+    --protocol) echo "native flightgear xplane dis canaerospace cigi3 cigi4" ;;
     --vertical) echo "egm96 egm2008 egm84 ellipsoid" ;;
     --datum) echo "egm96 ellipsoid" ;;
     --speed) echo "max" ;;
     --samples) echo "1 4" ;;
-    bench) echo "codec quality stability" ;;
+    bench) echo "codec motion quality stability" ;;
     --flight) echo "taxi low dash fast high descent climb creep" ;;
     --to) echo "udp:// can: sim:" ;;
     esac

@@ -2,8 +2,9 @@
 # The manual pages format without a warning and tell of every configuration key and subcommand.
 . "$(dirname "$0")/common.sh"
 
-sed -n 's/^    {"\([a-z_.]*\(\[\][a-z_.]*\)\?\)\(\[\]\)\?",.*/\1/p' config/keys.c | while read -r key; do
+sed -n 's/^    {"\([a-z_.]*\(\[\][a-z_.]*\)*\)",.*/\1/p' config/keys.c | while read -r key; do
     leaf=${key##*.}
+    leaf=${leaf%\[]}
     grep -q "^\.It Ic ${leaf}\$\|^\.It Ic ${leaf} " docs/man/otwd.yaml.5 ||
         complain "docs/man/otwd.yaml.5 does not tell of $key"
 done

@@ -27,4 +27,13 @@ stop_daemon
     fail "replay: $?"
 replayed=$(sed -n 's/^ *"received": \([0-9]*\),*$/\1/p' report.json)
 [ "$replayed" = "$accepted" ] || fail "replayed $replayed of $accepted poses"
+
+# latency TIMES: of a replay at that speed, the 50th percentile in ms; nothing where it has none.
+latency() {
+    "$OTWD" replay flight.csv --quiet --speed "$1" --rate 10 --size 64x36 --report . ||
+        fail "replay: $?"
+    awk '/"latency_ms"/ { on = 1 } on && /"p50"/ { gsub(/[^0-9.enul]/, "", $2); print $2; exit }' report.json
+}
+[ "$(latency max)" = null ] || fail "at full speed the latency is $(latency max)"
+latency 1 | awk '{ exit !($1 > 0 && $1 < 1000) }' || fail "the latency is $(latency 1) ms"
 finish

@@ -25,6 +25,12 @@ state_is() {
     [ "$(poll -t 3 -r 1)" = "$1" ]
 }
 
+# at_least_us REGISTER VALUE
+# shellcheck disable=SC2317 # wait_for calls it
+at_least_us() {
+    [ "$(poll -t 3:int -B -r "$1")" -ge "$2" ]
+}
+
 start_daemon otwd.yaml
 wait_for 5 is code 101 || fail "before any pose the fault is $(field code), not 101"
 is state stale || is state "pose stale" || [ "$(poll -t 3 -r 1)" = 3 ] ||
@@ -52,6 +58,11 @@ wait_for 8 state_is 1 || fail "state register $(poll -t 3 -r 1)"
 [ "$(poll -t 3 -r 15)" = 1 ] || fail "active source register $(poll -t 3 -r 15)"
 frames=$(poll -t 3:int -B -r 2)
 wait_for 10 at_least frames_rendered $((frames + 20)) || fail "the frame counter stands at $frames"
+# transport delay: registers 48 to 51, and the same by name
+wait_for 5 at_least_us 48 1000 || fail "transport delay p50 $(poll -t 3:int -B -r 48) us"
+[ "$(poll -t 3:int -B -r 50)" -ge "$(poll -t 3:int -B -r 48)" ] || fail "transport delay p99 is below p50"
+status | awk '/"latency_ms"/ { on = 1 } on && /"p50"/ { gsub(",", ""); exit !($2 > 0 && $2 < 5000) }' ||
+    fail "the latency is not told: $(status)"
 [ "$(poll -t 1 -r 1)" = 1 ] || fail "the discrete input says that the pose is not valid"
 
 # silence

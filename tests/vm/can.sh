@@ -43,7 +43,12 @@ modbus=1502
 cat >otwd.yaml <<YAML
 display: {width: 64, height: 64, rate_hz: 2}
 sources:
-  - {name: bus, type: canaerospace, interface: vcan0, altitude: ellipsoid, timeout_ms: 1000}
+  - name: bus
+    type: canaerospace
+    interface: vcan0
+    altitude: ellipsoid
+    timeout_ms: 1000
+    allow_transmit: true
 health: {modbus: {listen: "127.0.0.1:$modbus"}}
 YAML
 still first.csv 46.51 7.91 90
@@ -93,7 +98,7 @@ wait "$player" 2>/dev/null
 
 step "the kernel filters: other identifiers do not reach the daemon"
 filters=$(grep -c '^ *vcan0' /proc/net/can/rcvlist_sff)
-[ "$filters" -eq 19 ] || fail "$filters filters for 11-bit identifiers, 19 expected"
+[ "$filters" -eq 29 ] || fail "$filters filters for 11-bit identifiers, 29 expected"
 grep -q '^ *vcan0' /proc/net/can/rcvlist_all && fail "a receiver without a filter"
 before=$(field frames)
 sleep 1

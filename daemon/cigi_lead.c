@@ -1,0 +1,112 @@
+#include "daemon/cigi_lead.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "daemon/service_internal.h"
+
+#define UTC_STEP_NS      NSEC_PER_MSEC /* a host's clock that differs by less has not been set */
+#define VISIBILITY_MIN_M 10.0
+#define VISIBILITY_MAX_M 655350.0
+
+const struct cigi_view *cigi_lead_view(const struct cigi_lead *lead)
+{
+    return cigi_scene_view(cigi_session_scene(lead->session), lead->view);
+}
+
+/* What cannot be drawn is told to the host once, and leaves the view as it was. */
+static void use_view(struct cigi_lead *lead, const struct cigi_view *view,
+                     struct channel_geometry *ret_geometry)
+{
+    const struct cigi_view_definition *d = &view->definition;
+    struct diag diag = {"orthographic views are not drawn"};
+    const struct channel_geometry geometry = {
+        .offset_m = {view->offset_m[0], view->offset_m[1], view->offset_m[2]},
+        .yaw_deg = view->attitude.heading_deg,
+        .pitch_deg = view->attitude.pitch_deg,
+        .roll_deg = view->attitude.roll_deg,
+        .left_deg = (double)d->left,
+        .right_deg = (double)d->right,
+        .bottom_deg = (double)d->bottom,
+        .top_deg = (double)d->top,
+        .mirror_x = d->mirror & CIGI_MIRROR_HORIZONTAL,
+        .mirror_y = d->mirror & CIGI_MIRROR_VERTICAL,
+        .near_m = (double)d->near_m,
+    };
+    if (!d->orthographic && channel_geometry_check(&geometry, &diag) == 0) {
+        *ret_geometry = geometry;
+        return;
+    }
+    if (memcmp(d, &lead->not_drawn, sizeof(*d)) == 0)
+        return;
+    const struct log_about source = {.source = lead->source};
+    lead->not_drawn = *d;
+    cigi_session_say(lead->session, CIGI_SAY_REFUSED, diag.text);
+    log_write(NULL, LOG_LEVEL_WARNING, &source, "source %s: view %u: %s", lead->source, d->view,
+              diag.text);
+}
+
+/* Only what the host has changed is taken, so that the operator's controls hold until then. */
+static void use_air(struct cigi_lead *lead, const struct cigi_atmosphere *air)
+{
+    struct service *service = lead->service;
+    double visibility_m =
+        air->enable ? fmin(fmax((double)air->visibility_m, VISIBILITY_MIN_M), VISIBILITY_MAX_M)
+                    : 0.0;
+    if (visibility_m == lead->visibility_m)
+        return;
+    lead->visibility_m = visibility_m;
+    service->input.visibility_m =
+        visibility_m > 0.0 ? visibility_m : service->config.environment.visibility_m;
+}
+
+static void use_sky(struct cigi_lead *lead, const struct cigi_scene *scene)
+{
+    struct service *service = lead->service;
+    nsec_t offset_ns = scene->has_utc ? scene->utc_ns - scene->now_ns : 0;
+    if (scene->has_utc == lead->has_utc && llabs(offset_ns - lead->utc_offset_ns) < UTC_STEP_NS)
+        return;
+    lead->has_utc = scene->has_utc;
+    lead->utc_offset_ns = offset_ns;
+    if (scene->has_utc)
+        service_set_time(service, offset_ns);
+    else
+        service_reset_time(service);
+}
+
+static void publish_traffic(struct cigi_lead *lead)
+{
+    struct service *service = lead->service;
+    const struct cigi_scene *scene = cigi_session_scene(lead->session);
+    struct traffic *traffic = &lead->traffic;
+    size_t before = traffic->count;
+    traffic->time_ns = scene->now_ns;
+    traffic->count = cigi_scene_seen(scene, cigi_lead_view(lead)->entity, service_ground(service),
+                                     traffic->list, TRAFFIC_MAX);
+    if (service->render && traffic->count + before > 0)
+        render_thread_publish_traffic(service->render, traffic);
+}
+
+void cigi_lead_take(struct cigi_lead *lead)
+{
+    const struct cigi_scene *scene = cigi_session_scene(lead->session);
+    use_view(lead, cigi_lead_view(lead), &lead->service->input.geometry);
+    use_air(lead, &scene->atmosphere);
+    use_sky(lead, scene);
+    publish_traffic(lead);
+    lead->leads = true;
+}
+
+void cigi_lead_drop(struct cigi_lead *lead)
+{
+    static const struct cigi_atmosphere no_air;
+    static const struct cigi_scene no_sky;
+    lead->service->input.geometry = lead->service->render_params.channel.geometry;
+    use_air(lead, &no_air);
+    use_sky(lead, &no_sky);
+    lead->traffic.count = 0;
+    if (lead->service->render)
+        render_thread_publish_traffic(lead->service->render, &lead->traffic);
+    lead->leads = false;
+}

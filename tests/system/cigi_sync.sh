@@ -1,0 +1,35 @@
+#!/bin/sh
+# A scripted CIGI host holds the synchronous handshake for 10 000 frames: each Start of Frame is answered,
+# each frame shows the host's frame, each next Start of Frame echoes it. As fast as it goes.
+. "$(dirname "$0")/common.sh"
+
+port=$(free_port)
+reply=$(free_port)
+modbus=$(free_port)
+cat >flight.csv <<'FLIGHT'
+# altitude: ellipsoid
+time_s,lat_deg,lon_deg,alt_m,roll_deg,pitch_deg,heading_deg
+0,46.50,7.90,3900,0,0,90
+166.7,46.50,8.10,4000,0,0,90
+FLIGHT
+cat >otwd.yaml <<YAML
+display: {width: 64, height: 36, rate_hz: 1000}
+terrain: {pixel_error: 8}
+sources:
+  - {name: host, type: cigi, listen: "127.0.0.1:$port", reply: "127.0.0.1:$reply",
+     sync_wait_ms: 1000, timeout_ms: 5000}
+health: {modbus: {listen: "127.0.0.1:$modbus"}}
+YAML
+start_daemon otwd.yaml
+"$OTWD" send flight.csv --protocol cigi3 --sync --database 1 --to "udp://127.0.0.1:$port" \
+    --listen "127.0.0.1:$reply" >send.log || fail "the host fails"
+cat send.log
+grep -q " 0 refused; .* 0 gaps in their numbers, 0 refused, 0 not in step" send.log ||
+    fail "the handshake is not held"
+awk '{ exit !($1 >= 10000) }' send.log || fail "less than 10000 frames"
+is rejected 0 || fail "rejected $(field rejected)"
+is lost 0 || fail "lost $(field lost)"
+at_least accepted 10000 || fail "accepted $(field accepted)"
+near lon_deg 8.10 1e-4 || fail "the last frame is not shown: longitude $(field lon_deg)"
+logged "the host wants database 1, which is drawn" || fail "no database was asked for"
+finish

@@ -1,0 +1,516 @@
+#include <errno.h>
+#include <poll.h>
+
+#include "base/bytes.h"
+#include "geo/geographic.h"
+#include "io/source.h"
+#include "tests/check.h"
+
+#define RAD_PER_DEG (M_PI / 180.0)
+
+static double constant_undulation_m(void *context, double lat_deg, double lon_deg)
+{
+    return 50.0;
+}
+
+static const struct geoid_function geoid = {.undulation_m = constant_undulation_m};
+
+/* On the equator at Greenwich, nose north: forward is ECEF z, right is y, down is -x. */
+static struct dis_entity example_entity(void)
+{
+    const struct geodetic place = {0.0, 0.0, 1000.0};
+    const struct attitude north = {0};
+    struct dis_entity entity = {.version = 7,
+                                .exercise = 1,
+                                .timestamp = 1000 << 1,
+                                .id = {1, 2, 3},
+                                .force = 1,
+                                .kind = DIS_PLATFORM,
+                                .domain = DIS_AIR,
+                                .country = 225,
+                                .category = 1,
+                                .subcategory = 9,
+                                .specific = 3,
+                                .marking = "OTWD 1"};
+    entity.motion.algorithm = DIS_RVW;
+    geocentric_from_geodetic(&place, entity.motion.position_ecef_m);
+    entity.motion.orientation = ecef_quaternion_from_attitude(&place, &north);
+    const double velocity[3] = {1.5, 20, 100}, acceleration[3] = {0, 0.5, -1};
+    memcpy(entity.motion.velocity_mps, velocity, sizeof(velocity));
+    memcpy(entity.motion.acceleration_mps2, acceleration, sizeof(acceleration));
+    entity.motion.rates_body_radps[2] = 0.125;
+    return entity;
+}
+
+static const struct dis_filter anyone = {0};
+
+static void an_entity_comes_back_as_it_was_sent(void)
+{
+    uint8_t data[DIS_ENTITY_STATE_SIZE];
+    struct dis_entity sent = example_entity(), got;
+    size_t size;
+    for (unsigned version = 5; version <= 7; version++) {
+        sent.version = version;
+        dis_encode(&sent, data);
+        CHECK(dis_recognises(data, sizeof(data)));
+        CHECK_INT(dis_decode(data, sizeof(data), &anyone, &size, &got, NULL), 0);
+        CHECK_INT(size, DIS_ENTITY_STATE_SIZE);
+        CHECK_INT(got.version, version);
+        CHECK_INT(got.timestamp, sent.timestamp);
+        CHECK_INT(got.id.entity, 3);
+        CHECK_INT(got.country, 225);
+        CHECK_INT(got.specific, 3);
+        CHECK_STRING(got.marking, "OTWD 1");
+        CHECK_INT(got.motion.algorithm, DIS_RVW);
+        for (int i = 0; i < 3; i++) {
+            CHECK_NEAR(got.motion.position_ecef_m[i], sent.motion.position_ecef_m[i], 0.0);
+            CHECK_NEAR(got.motion.velocity_mps[i], sent.motion.velocity_mps[i], 0.0);
+            CHECK_NEAR(got.motion.acceleration_mps2[i], sent.motion.acceleration_mps2[i], 0.0);
+        }
+        CHECK_NEAR(got.motion.rates_body_radps[2], 0.125, 0.0);
+    }
+}
+
+/* psi, theta, phi are turns about ECEF z, y, x: written here from that definition alone. */
+static void angles_are_against_the_axes_of_the_earth(void)
+{
+    static const struct {
+        double psi_deg, theta_deg, phi_deg;
+        double lat_deg, lon_deg;
+        struct attitude attitude;
+    } cases[] = {
+        /* nose along ECEF x, right wing along y, at (0, 0): straight up, belly north */
+        {0, 0, 0, 0, 0, {.pitch_deg = 90}},
+        /* nose along ECEF y (east at Greenwich), right wing along -x (down): right wing low */
+        {90, 0, 0, 0, 0, {.roll_deg = 90, .heading_deg = 90}},
+        /* nose along z: at the equator north; right wing along y: level */
+        {0, -90, 0, 0, 0, {.heading_deg = 0}},
+        /* the same body seen from 90 east: nose north, right wing (ECEF y) up */
+        {0, -90, 0, 0, 90, {.roll_deg = -90}},
+        /* nose along x at the north pole on the meridian of Greenwich: south, level when right
+         * wing is -y */
+        {0, 0, 180, 90, 0, {.heading_deg = 180}},
+    };
+    for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+        struct dis_entity entity = example_entity();
+        struct geodetic place = {cases[i].lat_deg, cases[i].lon_deg, 0.0};
+        uint8_t data[DIS_ENTITY_STATE_SIZE];
+        size_t size;
+        geocentric_from_geodetic(&place, entity.motion.position_ecef_m);
+        dis_encode(&entity, data);
+        const double angles_deg[3] = {cases[i].psi_deg, cases[i].theta_deg, cases[i].phi_deg};
+        struct byte_writer out = {.data = data, .size = sizeof(data), .offset = 72};
+        for (int k = 0; k < 3; k++)
+            byte_writer_put(&out, bits_from_float((float)(angles_deg[k] * RAD_PER_DEG)), 4, true);
+        CHECK_INT(dis_decode(data, sizeof(data), &anyone, &size, &entity, NULL), 0);
+        struct pose pose;
+        pose_from_dis_motion(&entity.motion, &pose);
+        double expected[3][3], actual[3][3];
+        ned_matrix_from_attitude(&cases[i].attitude, expected);
+        ned_matrix_from_attitude(&pose.attitude, actual);
+        for (int row = 0; row < 3; row++)
+            for (int column = 0; column < 3; column++)
+                if (fabs(actual[row][column] - expected[row][column]) > 1e-6)
+                    CHECK_FAIL("case %zu: roll %g pitch %g heading %g", i, pose.attitude.roll_deg,
+                               pose.attitude.pitch_deg, pose.attitude.heading_deg);
+    }
+}
+
+static void a_pose_comes_back_from_its_entity(void)
+{
+    const struct pose sent = {.valid = POSE_POSITION | POSE_ATTITUDE | POSE_VELOCITY | POSE_RATES,
+                              .position = {47.4582, 8.5555, 1500.25},
+                              .attitude = {-12.5, 3.25, 271.5},
+                              .velocity_ned_mps = {120, -10, -1.5},
+                              .rates_body_dps = {0.5, -0.25, 3}};
+    struct dis_entity entity = example_entity();
+    uint8_t data[DIS_ENTITY_STATE_SIZE];
+    size_t size;
+    struct pose got;
+    dis_motion_from_pose(&sent, &entity.motion);
+    CHECK_INT(entity.motion.algorithm, DIS_RPW);
+    dis_encode(&entity, data);
+    CHECK_INT(dis_decode(data, sizeof(data), &anyone, &size, &entity, NULL), 0);
+    pose_from_dis_motion(&entity.motion, &got);
+    CHECK_NEAR(got.position.lat_deg, sent.position.lat_deg, 1e-12);
+    CHECK_NEAR(got.position.lon_deg, sent.position.lon_deg, 1e-12);
+    CHECK_NEAR(got.position.height_m, sent.position.height_m, 1e-7);
+    CHECK_NEAR(got.attitude.roll_deg, -12.5, 2e-5);
+    CHECK_NEAR(got.attitude.pitch_deg, 3.25, 2e-5);
+    CHECK_NEAR(got.attitude.heading_deg, 271.5, 2e-5);
+    for (int i = 0; i < 3; i++) {
+        CHECK_NEAR(got.velocity_ned_mps[i], sent.velocity_ned_mps[i], 1e-4);
+        CHECK_NEAR(got.rates_body_dps[i], sent.rates_body_dps[i], 1e-6);
+    }
+}
+
+/* A motion with everything in it, so that what an algorithm may not use would show. */
+static struct dis_motion full_motion(enum dis_algorithm algorithm)
+{
+    const struct attitude lies = {.roll_deg = 20, .pitch_deg = -35, .heading_deg = 130};
+    struct dis_motion motion = {.algorithm = algorithm,
+                                .position_ecef_m = {1e6, 2e6, -6e6},
+                                .orientation = ned_quaternion_from_attitude(&lies),
+                                .velocity_mps = {80, -30, 12},
+                                .acceleration_mps2 = {2, 1, -3},
+                                .rates_body_radps = {0.3, -0.2, 0.5}};
+    return motion;
+}
+
+static double matrix_at(struct quaternion q, int row, int column)
+{
+    double m[3][3];
+    matrix_from_quaternion(q, m);
+    return m[row][column];
+}
+
+static void in_the_worlds_axes_paths_are_lines_and_parabolas(void)
+{
+    const double t = 3.0;
+    for (enum dis_algorithm algorithm = DIS_OTHER_ALGORITHM; algorithm <= DIS_FVW; algorithm++) {
+        struct dis_motion start = full_motion(algorithm), end;
+        dis_dead_reckon(&start, t, &end);
+        bool moves = algorithm >= DIS_FPW, speeds_up = algorithm == DIS_RVW || algorithm == DIS_FVW;
+        bool turns = algorithm == DIS_RPW || algorithm == DIS_RVW;
+        for (int i = 0; i < 3; i++) {
+            double way = moves ? t * start.velocity_mps[i] : 0.0;
+            way += speeds_up ? 0.5 * t * t * start.acceleration_mps2[i] : 0.0;
+            CHECK_NEAR(end.position_ecef_m[i] - start.position_ecef_m[i], way, 1e-8);
+        }
+        double alike =
+            fabs(start.orientation.w * end.orientation.w + start.orientation.x * end.orientation.x +
+                 start.orientation.y * end.orientation.y + start.orientation.z * end.orientation.z);
+        double half_turn = 0.5 * t * sqrt(0.09 + 0.04 + 0.25);
+        CHECK_NEAR(alike, turns ? fabs(cos(half_turn)) : 1.0, 1e-12);
+    }
+}
+
+static void a_body_that_does_not_turn_goes_straight_along_its_axes(void)
+{
+    const double t = 2.0;
+    for (int pass = 0; pass < 2; pass++) {
+        struct dis_motion start = full_motion(pass ? DIS_FVB : DIS_FPB), end;
+        dis_dead_reckon(&start, t, &end);
+        for (int row = 0; row < 3; row++) {
+            double way = 0.0;
+            for (int i = 0; i < 3; i++) {
+                double along = t * start.velocity_mps[i];
+                along += pass ? 0.5 * t * t * start.acceleration_mps2[i] : 0.0;
+                way += matrix_at(start.orientation, row, i) * along;
+            }
+            CHECK_NEAR(end.position_ecef_m[row] - start.position_ecef_m[row], way, 1e-8);
+            CHECK_NEAR(matrix_at(end.orientation, row, 0), matrix_at(start.orientation, row, 0),
+                       1e-14);
+        }
+    }
+}
+
+/* Nose along ECEF x, right wing along y: a level turn to the right at r rad/s is a circle of radius
+ * v / r; speeding up makes it a spiral, whose integral is known too. */
+static void a_turn_is_a_circle_and_with_acceleration_a_spiral(void)
+{
+    const double v = 100.0, a = 4.0;
+    static const double rates[] = {0.5, 0.009, 0.0049, 1e-5, 0.0};
+    for (size_t i = 0; i < sizeof(rates) / sizeof(rates[0]); i++) {
+        double r = rates[i], t = 2.0, x = r * t;
+        struct dis_motion start = {.algorithm = DIS_RPB,
+                                   .orientation = {1, 0, 0, 0},
+                                   .velocity_mps = {v},
+                                   .acceleration_mps2 = {a},
+                                   .rates_body_radps = {0, 0, r}},
+                          end;
+        dis_dead_reckon(&start, t, &end);
+        CHECK_NEAR(end.position_ecef_m[0], r > 0 ? v / r * sin(x) : v * t, 1e-6);
+        CHECK_NEAR(end.position_ecef_m[1], r > 0 ? 2 * v / r * pow(sin(x / 2), 2) : 0, 1e-6);
+        CHECK_NEAR(end.position_ecef_m[2], 0.0, 0.0);
+        struct dis_motion back;
+        dis_dead_reckon(&end, -t, &back);
+        CHECK_NEAR(back.position_ecef_m[0], 0.0, 1e-9);
+        CHECK_NEAR(back.position_ecef_m[1], 0.0, 1e-9);
+        start.algorithm = DIS_RVB;
+        dis_dead_reckon(&start, t, &end);
+        double sx = r > 0.1 ? a * (t * sin(x) / r + (cos(x) - 1) / (r * r)) : a * t * t / 2;
+        CHECK_NEAR(end.position_ecef_m[0], (r > 0 ? v / r * sin(x) : v * t) + sx,
+                   r > 0.1 ? 1e-9 : a * x * x * t * t);
+        CHECK_NEAR(end.velocity_mps[0], v + a * t, 1e-12);
+    }
+}
+
+/* Against the sum of many short straight steps: another way to the same path. */
+static void every_body_algorithm_is_the_limit_of_short_steps(void)
+{
+    static const double times_s[] = {0.001, 0.5, 5.0};
+    for (size_t k = 0; k < sizeof(times_s) / sizeof(times_s[0]); k++)
+        for (int pass = 0; pass < 2; pass++) {
+            const int steps = 20000;
+            struct dis_motion start = full_motion(pass ? DIS_RVB : DIS_RPB), end;
+            double h = times_s[k] / steps, sum[3] = {0};
+            for (int step = 0; step < steps; step++) {
+                double m[3][3], v[3], along[3], tau = h * (step + 0.5), turn[3];
+                for (int i = 0; i < 3; i++) {
+                    v[i] = start.velocity_mps[i] + (pass ? tau * start.acceleration_mps2[i] : 0.0);
+                    turn[i] = tau * start.rates_body_radps[i];
+                }
+                matrix_from_quaternion(
+                    quaternion_product(start.orientation, quaternion_from_rotation_vector(turn)),
+                    m);
+                frames_rotate(m, v, along);
+                for (int i = 0; i < 3; i++)
+                    sum[i] += h * along[i];
+            }
+            dis_dead_reckon(&start, times_s[k], &end);
+            for (int i = 0; i < 3; i++)
+                CHECK_NEAR(end.position_ecef_m[i] - start.position_ecef_m[i], sum[i], 1e-5);
+        }
+}
+
+static void put_be(uint8_t *data, size_t offset, uint64_t value, unsigned bytes)
+{
+    struct byte_writer out = {.data = data, .size = 1024, .offset = offset};
+    byte_writer_put(&out, value, bytes, true);
+}
+
+static void every_malformed_pdu_is_refused_with_its_reason(void)
+{
+    const struct {
+        const char *what;
+        size_t offset;
+        uint64_t value;
+        unsigned bytes;
+        size_t size;
+        enum reject_reason reason;
+        size_t at;
+        const char *says;
+    } cases[] = {
+        {"empty", 0, 0, 0, 0, REJECT_SHORT, 0, "within the PDU header"},
+        {"cut", 0, 0, 0, 143, REJECT_SHORT, 8, "says 144 bytes of the 143"},
+        {"length 0", 8, 0, 2, 144, REJECT_LENGTH, 8, "says 0 bytes"},
+        {"length 20", 8, 20, 2, 144, REJECT_SHORT, 20, "at least 144 bytes, this has 20"},
+        {"version 4", 0, 4, 1, 144, REJECT_VERSION, 0, "DIS version 4 seen, 5 to 7 expected"},
+        {"version 8", 0, 8, 1, 144, REJECT_VERSION, 0, "version 8"},
+        {"NaN place", 56, bits_from_double(NAN), 8, 144, REJECT_NOT_FINITE, 56, "location"},
+        {"the Earth's centre", 48, 0, 8, 144, REJECT_RANGE, 48, "centre"},
+        {"far", 48, bits_from_double(1e12), 8, 144, REJECT_RANGE, 48, "centre"},
+        {"psi", 72, bits_from_float(NAN), 4, 144, REJECT_NOT_FINITE, 72, "orientation"},
+        {"phi", 80, bits_from_float(1e9f), 4, 144, REJECT_RANGE, 80, "orientation"},
+        {"velocity", 40, bits_from_float(1e6f), 4, 144, REJECT_RANGE, 40, "velocity"},
+        {"acceleration", 112, bits_from_float(INFINITY), 4, 144, REJECT_NOT_FINITE, 112, "accel"},
+        {"rate", 124, bits_from_float(NAN), 4, 144, REJECT_NOT_FINITE, 124, "angular velocity"},
+    };
+    for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+        uint8_t data[1024] = {0};
+        struct dis_entity entity = example_entity();
+        dis_encode(&entity, data);
+        put_be(data, cases[i].offset, cases[i].value, cases[i].bytes);
+        struct rejection rejection = {0};
+        entity.force = 77;
+        size_t size = 55;
+        int r = dis_decode(data, cases[i].size, &anyone, &size, &entity, &rejection);
+        if (r != -EBADMSG || rejection.reason != cases[i].reason || rejection.offset != cases[i].at)
+            CHECK_FAIL("%s: result %d, reason %s, byte %zu", cases[i].what, r,
+                       reject_reason_name(rejection.reason), rejection.offset);
+        CHECK_CONTAINS(rejection.text, cases[i].says);
+        CHECK_INT(entity.force, 77);
+    }
+}
+
+static void numbers_that_the_algorithm_does_not_use_may_be_anything(void)
+{
+    uint8_t data[DIS_ENTITY_STATE_SIZE];
+    struct dis_entity entity = example_entity();
+    size_t size;
+    dis_encode(&entity, data);
+    put_be(data, 88, DIS_FPW, 1);
+    put_be(data, 104, bits_from_float(NAN), 4);
+    put_be(data, 116, bits_from_float(NAN), 4);
+    CHECK_INT(dis_decode(data, sizeof(data), &anyone, &size, &entity, NULL), 0);
+    CHECK_NEAR(entity.motion.acceleration_mps2[0], 0.0, 0.0);
+    put_be(data, 88, 200, 1); /* an algorithm that nobody knows: it stands */
+    CHECK_INT(dis_decode(data, sizeof(data), &anyone, &size, &entity, NULL), 0);
+    CHECK_INT(entity.motion.algorithm, DIS_OTHER_ALGORITHM);
+    CHECK_NEAR(entity.motion.velocity_mps[2], 0.0, 0.0);
+}
+
+/* A datagram of PDUs on its way to a tracker. */
+static uint8_t datagram[1024];
+static size_t datagram_size;
+
+static void add(const struct dis_entity *entity)
+{
+    dis_encode(entity, datagram + datagram_size);
+    datagram_size += DIS_ENTITY_STATE_SIZE;
+}
+
+static void only_the_entity_that_was_asked_for_drives(void)
+{
+    struct dis_tracker tracker;
+    struct dis_entity mine = example_entity(), other = mine;
+    struct pose_sample sample;
+    dis_tracker_init(&tracker, &(struct dis_filter){.exercise = 1, .id = {1, 2, 3}});
+    other.id.entity = 4;
+    other.motion.position_ecef_m[0] = other.motion.position_ecef_m[2] = 0.0; /* not placed yet */
+    datagram_size = 0;
+    add(&other);
+    CHECK_INT(dis_tracker_take(&tracker, datagram, datagram_size, &sample, NULL), 0);
+    add(&mine);
+    add(&other);
+    CHECK_INT(dis_tracker_take(&tracker, datagram, datagram_size, &sample, NULL), 1);
+    CHECK_NEAR(sample.pose.position.height_m, 1000.0, 1e-6);
+    CHECK_NEAR(sample.pose.velocity_ned_mps[0], 100.0, 1e-6);
+    CHECK_NEAR(sample.pose.velocity_ned_mps[1], 20.0, 1e-6);
+    CHECK_NEAR(sample.pose.velocity_ned_mps[2], -1.5, 1e-6);
+    datagram_size = 0;
+    mine.exercise = 2;
+    add(&mine);
+    CHECK_INT(dis_tracker_take(&tracker, datagram, datagram_size, &sample, NULL), 0);
+    put_be(datagram, 1, 1, 1);
+    put_be(datagram, 2, 2, 1); /* a Fire PDU */
+    CHECK_INT(dis_tracker_take(&tracker, datagram, datagram_size, &sample, NULL), 0);
+}
+
+static void without_a_name_the_first_that_is_heard_is_followed(void)
+{
+    struct dis_tracker tracker;
+    struct dis_entity first = example_entity(), second = first;
+    struct pose_sample sample;
+    dis_tracker_init(&tracker, &anyone);
+    second.id.site = 9;
+    datagram_size = 0;
+    add(&first);
+    CHECK_INT(dis_tracker_take(&tracker, datagram, datagram_size, &sample, NULL), 1);
+    datagram_size = 0;
+    add(&second);
+    CHECK_INT(dis_tracker_take(&tracker, datagram, datagram_size, &sample, NULL), 0);
+}
+
+static int take_at(struct dis_tracker *tracker, uint32_t stamp, int64_t *ret_sender_ns,
+                   struct rejection *ret_rejection)
+{
+    struct dis_entity entity = example_entity();
+    struct pose_sample sample = {0};
+    entity.timestamp = stamp << 1 | 1;
+    datagram_size = 0;
+    add(&entity);
+    int r = dis_tracker_take(tracker, datagram, datagram_size, &sample, ret_rejection);
+    *ret_sender_ns = sample.sender_ns;
+    return r;
+}
+
+static void time_goes_on_across_the_hour_and_late_states_are_refused(void)
+{
+    struct dis_tracker tracker;
+    struct rejection rejection = {0};
+    int64_t first_ns, next_ns;
+    uint32_t second = (uint32_t)(0x1p31 / 3600), before_the_hour = 0x7fffffffu - second / 2;
+    dis_tracker_init(&tracker, &anyone);
+    CHECK_INT(take_at(&tracker, before_the_hour, &first_ns, NULL), 1);
+    CHECK_INT(take_at(&tracker, second / 2, &next_ns, NULL), 1);
+    CHECK_NEAR((double)(next_ns - first_ns), 1e9, 5e3);
+    CHECK_INT(take_at(&tracker, before_the_hour, &first_ns, &rejection), -EBADMSG);
+    CHECK_INT(rejection.reason, REJECT_LATE);
+    CHECK_INT(take_at(&tracker, second / 2, &first_ns, NULL), 1); /* its clock stands still */
+    CHECK_INT(first_ns, 0);
+    CHECK_INT(take_at(&tracker, before_the_hour - 60 * second, &first_ns, NULL), 1); /* set back */
+}
+
+static void frozen_and_deactivated_entities_do_not_move(void)
+{
+    struct dis_tracker tracker;
+    struct dis_entity entity = example_entity();
+    struct pose_sample sample;
+    struct pose pose;
+    dis_tracker_init(&tracker, &anyone);
+    entity.appearance = DIS_FROZEN;
+    datagram_size = 0;
+    add(&entity);
+    CHECK_INT(dis_tracker_take(&tracker, datagram, datagram_size, &sample, NULL), 1);
+    CHECK(dis_tracker_pose(&tracker, 5 * NSEC_PER_SEC, &pose));
+    CHECK_NEAR(pose.position.lat_deg, 0.0, 1e-12);
+    entity.appearance = DIS_DEACTIVATED;
+    entity.timestamp += 2;
+    datagram_size = 0;
+    add(&entity);
+    CHECK_INT(dis_tracker_take(&tracker, datagram, datagram_size, &sample, NULL), 0);
+    CHECK(!dis_tracker_pose(&tracker, 5 * NSEC_PER_SEC, &pose));
+}
+
+struct heard {
+    int poses;
+    struct pose first, last;
+};
+
+static void hear_pose(void *context, struct pose_source *source, const struct pose *pose)
+{
+    struct heard *heard = context;
+    if (heard->poses++ == 0)
+        heard->first = *pose;
+    CHECK(pose->time_ns >= heard->last.time_ns);
+    heard->last = *pose;
+}
+
+static void a_source_carries_the_entity_forward_until_it_is_lost(void)
+{
+    struct pose_source *source;
+    struct udp udp;
+    char peer[32];
+    struct heard heard = {0};
+    struct pose_source_events events = {.context = &heard, .pose = hear_pose};
+    struct pose_source_params params = {
+        .name = "d",
+        .endpoint = "127.0.0.1:0",
+        .timeout_ns = NSEC_PER_SEC / 2,
+        .intake = {.protocol = POSE_PROTOCOL_DIS, .geoid = geoid, .dis.id = {1, 2, 3}}};
+    CHECK_INT(pose_source_open(&params, &source, NULL), 0);
+    snprintf(peer, sizeof(peer), "127.0.0.1:%u", pose_source_port(source));
+    CHECK_INT(udp_connect(&udp, peer, NULL), 0);
+    struct dis_entity entity = example_entity();
+    datagram_size = 0;
+    add(&entity);
+    CHECK_INT(udp_send(&udp, datagram, datagram_size), 0);
+    struct pollfd wait = {.fd = pose_source_fd(source), .events = POLLIN};
+    for (nsec_t end_ns = clock_monotonic_ns() + NSEC_PER_SEC; clock_monotonic_ns() < end_ns;)
+        if (poll(&wait, 1, 50) > 0)
+            pose_source_dispatch(source, clock_monotonic_ns(), &events);
+    double flown_s = seconds_from_ns(heard.last.time_ns - heard.first.time_ns);
+    double north_m = 100 * flown_s - 0.5 * flown_s * flown_s;
+    CHECK(heard.poses > 5 && heard.poses <= 52);
+    CHECK(flown_s > 0.2 && flown_s <= 0.5);
+    CHECK_NEAR((heard.last.position.lat_deg - heard.first.position.lat_deg) * 110574.0, north_m,
+               0.1);
+    CHECK_NEAR(heard.last.velocity_ned_mps[0], 100 - flown_s, 0.05);
+    CHECK_INT(pose_source_counters(source)->accepted, 1);
+    udp_close(&udp);
+    pose_source_close(source);
+}
+
+static const struct check_test tests[] = {
+    {"an entity comes back as it was sent, in versions 5 to 7",
+     an_entity_comes_back_as_it_was_sent},
+    {"angles are against the axes of the Earth", angles_are_against_the_axes_of_the_earth},
+    {"a pose comes back from its entity", a_pose_comes_back_from_its_entity},
+    {"in the world's axes paths are lines and parabolas",
+     in_the_worlds_axes_paths_are_lines_and_parabolas},
+    {"a body that does not turn goes straight along its axes",
+     a_body_that_does_not_turn_goes_straight_along_its_axes},
+    {"a turn is a circle, and with acceleration a spiral",
+     a_turn_is_a_circle_and_with_acceleration_a_spiral},
+    {"every body algorithm is the limit of short steps",
+     every_body_algorithm_is_the_limit_of_short_steps},
+    {"every malformed PDU is refused with its reason",
+     every_malformed_pdu_is_refused_with_its_reason},
+    {"numbers that the algorithm does not use may be anything",
+     numbers_that_the_algorithm_does_not_use_may_be_anything},
+    {"only the entity that was asked for drives", only_the_entity_that_was_asked_for_drives},
+    {"without a name the first that is heard is followed",
+     without_a_name_the_first_that_is_heard_is_followed},
+    {"time goes on across the hour, and late states are refused",
+     time_goes_on_across_the_hour_and_late_states_are_refused},
+    {"frozen and deactivated entities do not move", frozen_and_deactivated_entities_do_not_move},
+    {"a source carries the entity forward until it is lost",
+     a_source_carries_the_entity_forward_until_it_is_lost},
+};
+
+int main(void)
+{
+    return CHECK_MAIN(tests);
+}
