@@ -263,7 +263,7 @@ static bool complete_fix(struct can_assembly *assembly, enum can_quantity quanti
     const struct can_piece *lat = &assembly->pieces[lat_at], *lon = lat + 1;
     const struct can_piece *mine = is_lat ? lat : lon, *other = is_lat ? lon : lat;
     bool *other_fresh = is_lat ? &fix->lon_fresh : &fix->lat_fresh;
-    if (mine->interval_ns > 0 && mine->time_ns - other->time_ns > mine->interval_ns / 2)
+    if (mine->cycle_ns > 0 && mine->time_ns - other->time_ns > mine->cycle_ns / 2)
         *other_fresh = false;
     *(is_lat ? &fix->lat_fresh : &fix->lon_fresh) = true;
     if (!*other_fresh)
@@ -276,6 +276,9 @@ static bool complete_fix(struct can_assembly *assembly, enum can_quantity quanti
 static void store(struct can_piece *piece, double value, nsec_t now_ns)
 {
     piece->interval_ns = piece->known ? now_ns - piece->time_ns : 0;
+    nsec_t longer_ns = piece->cycle_ns + piece->cycle_ns / 16;
+    piece->cycle_ns =
+        piece->cycle_ns > 0 && piece->interval_ns > longer_ns ? longer_ns : piece->interval_ns;
     piece->known = true;
     piece->value = value;
     piece->time_ns = now_ns;

@@ -45,6 +45,7 @@ struct can_piece {
     bool known;
     double value;
     nsec_t time_ns, interval_ns; /* of the newest, and since the one before it */
+    nsec_t cycle_ns;             /* the interval without what a loss adds to it */
 };
 
 /* A latitude and a longitude of the same cycle. */
