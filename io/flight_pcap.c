@@ -23,6 +23,8 @@
 #define ETHER_IPV6 0x86dd
 #define IP_UDP     17
 #define RECORD_MAX (1u << 20)
+#define CARRY_NS   (20 * NSEC_PER_MSEC) /* between the poses of what is dead-reckoned */
+#define CARRY_MOST (12 * NSEC_PER_SEC)  /* IEEE 1278.1: the entity is gone then */
 #define PCAPNG     0x0a0d0d0au
 
 struct capture {
@@ -31,6 +33,7 @@ struct capture {
     uint32_t link;
     size_t offset;
     uint64_t udp_packets, foreign;
+    nsec_t heard_ns; /* when the entity that is dead-reckoned told its last state */
     struct intake intakes[POSE_PROTOCOLS]; /* those of CAN stay unused */
 };
 
@@ -177,6 +180,23 @@ static struct intake *intake_for(struct capture *c, const struct flight_params *
     return NULL;
 }
 
+/* What dead reckoning says since the last state, as a live source gives it out. */
+static int carry_forward(const struct capture *c, const struct dis_tracker *dis, nsec_t until_ns,
+                         struct flight *flight)
+{
+    struct pose pose;
+    if (until_ns - c->heard_ns > CARRY_MOST)
+        until_ns = c->heard_ns + CARRY_MOST;
+    for (nsec_t at_ns = c->heard_ns + CARRY_NS; at_ns < until_ns; at_ns += CARRY_NS) {
+        if (!dis_tracker_pose(dis, at_ns, &pose))
+            return 0;
+        int r = flight_append(flight, &pose, NAN);
+        if (r < 0)
+            return r;
+    }
+    return 0;
+}
+
 static int take_payload(struct capture *c, const struct flight_params *params,
                         const struct payload *payload, nsec_t time_ns, struct flight *flight,
                         struct diag *diag)
@@ -189,6 +209,7 @@ static int take_payload(struct capture *c, const struct flight_params *params,
     }
     struct pose pose;
     struct rejection rejection;
+    const struct dis_tracker before = intake->dis;
     int r = intake_packet(intake, payload->data, payload->size, time_ns, &pose, &rejection);
     if (r == 0)
         return 0;
@@ -198,6 +219,10 @@ static int take_payload(struct capture *c, const struct flight_params *params,
             flight->note = *diag;
         return 0;
     }
+    r = carry_forward(c, &before, time_ns, flight);
+    if (r < 0)
+        return r;
+    c->heard_ns = time_ns;
     pose.time_ns = time_ns;
     return flight_append(flight, &pose, intake->agl_m);
 }

@@ -231,17 +231,22 @@ int intake_frame(struct intake *intake, const struct can_frame *frame, nsec_t re
 
 size_t intake_can_ids(const struct intake_params *params, uint32_t ret_ids[INTAKE_IDS_MAX])
 {
-    _Static_assert(CAN_QUANTITIES <= INTAKE_IDS_MAX, "each quantity has an identifier");
-    bool table = params->protocol == POSE_PROTOCOL_CAN_TABLE;
-    size_t total = table ? params->table.count : CAN_QUANTITIES, count = 0;
-    for (size_t i = 0; i < total; i++) {
-        uint32_t id =
-            table ? params->table.fields[i].can_id : canaerospace_id((enum can_quantity)i);
+    _Static_assert(2 * CAN_QUANTITIES <= INTAKE_IDS_MAX, "an identifier of each length");
+    size_t count = 0;
+    if (params->protocol == POSE_PROTOCOL_CANAEROSPACE) {
+        for (int i = 0; i < CAN_QUANTITIES; i++) {
+            uint32_t id = canaerospace_id((enum can_quantity)i);
+            ret_ids[count++] = id;
+            ret_ids[count++] = id | CAN_EFF_FLAG;
+        }
+        return count;
+    }
+    for (unsigned i = 0; i < params->table.count; i++) {
         size_t k = 0;
-        while (k < count && ret_ids[k] != id)
+        while (k < count && ret_ids[k] != params->table.fields[i].can_id)
             k++;
         if (k == count)
-            ret_ids[count++] = id;
+            ret_ids[count++] = params->table.fields[i].can_id;
     }
     return count;
 }

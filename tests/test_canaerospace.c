@@ -276,6 +276,25 @@ static void velocity_is_found_in_whatever_axes_there_are(void)
     }
 }
 
+static void a_fix_is_never_made_of_two_cycles(void)
+{
+    struct canaerospace state;
+    struct pose_sample sample;
+    nsec_t start_ns = NSEC_PER_SEC, cycle_ns = 100 * NSEC_PER_MSEC;
+    canaerospace_init(&state);
+    for (int i = 0; i < 6; i++) {
+        nsec_t now_ns = start_ns + i * cycle_ns;
+        feed_float(&state, CAN_GPS_HEIGHT, 500, now_ns, &sample);
+        bool lat_lost = i == 4, lon_lost = i == 3;
+        if (!lat_lost)
+            feed_float(&state, CAN_GPS_LATITUDE, 46 + i, now_ns, &sample);
+        int made = lon_lost ? 0 : feed_float(&state, CAN_GPS_LONGITUDE, 8 + i, now_ns, &sample);
+        CHECK_INT(made, !lat_lost && !lon_lost);
+        if (made)
+            CHECK_NEAR(sample.pose.position.lat_deg - sample.pose.position.lon_deg, 38, 1e-9);
+    }
+}
+
 static void ins_stands_in_when_gps_falls_silent(void)
 {
     struct canaerospace state;
@@ -327,6 +346,7 @@ static const struct check_test tests[] = {
      barometric_altitude_stands_in_above_the_geoid},
     {"a magnetic heading needs its variation", magnetic_heading_needs_its_variation},
     {"velocity is found in whatever axes there are", velocity_is_found_in_whatever_axes_there_are},
+    {"a fix is never made of two cycles", a_fix_is_never_made_of_two_cycles},
     {"INS stands in when GPS falls silent", ins_stands_in_when_gps_falls_silent},
     {"the identification service is answered", the_identification_service_is_answered},
 };

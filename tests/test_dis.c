@@ -3,6 +3,7 @@
 
 #include "base/bytes.h"
 #include "geo/geographic.h"
+#include "io/flight.h"
 #include "io/source.h"
 #include "tests/check.h"
 
@@ -483,6 +484,60 @@ static void a_source_carries_the_entity_forward_until_it_is_lost(void)
     pose_source_close(source);
 }
 
+/* A packet of a capture of raw IPv4, little-endian with microseconds. */
+static size_t put_packet(uint8_t *file, size_t at, nsec_t time_ns, const struct dis_entity *entity)
+{
+    struct byte_writer out = {.data = file, .size = at + 16, .offset = at};
+    size_t udp_size = 8 + DIS_ENTITY_STATE_SIZE, size = 20 + udp_size;
+    byte_writer_put(&out, (uint64_t)(time_ns / NSEC_PER_SEC), 4, false);
+    byte_writer_put(&out, (uint64_t)(time_ns % NSEC_PER_SEC / NSEC_PER_USEC), 4, false);
+    byte_writer_put(&out, size, 4, false);
+    byte_writer_put(&out, size, 4, false);
+    file[at + 16] = 0x45;
+    file[at + 16 + 9] = 17;
+    put_be(file, at + 16 + 20 + 4, udp_size, 2);
+    dis_encode(entity, file + at + 16 + 28);
+    return at + 16 + size;
+}
+
+/* Half a circle of 100 m/s and 0.4 rad/s, told at its beginning and its end only. */
+static void a_capture_is_flown_by_dead_reckoning(void)
+{
+    uint8_t file[1024] = {0xd4, 0xc3, 0xb2, 0xa1, 2, 0, 4, 0, [20] = 101};
+    struct dis_entity entity = example_entity();
+    const struct flight_params params = {.geoid = geoid, .dis.id = {1, 2, 3}};
+    const double turn_s = M_PI / 0.4;
+    struct dis_motion start = entity.motion, end, middle;
+    start.algorithm = DIS_RPB;
+    start.velocity_mps[0] = 100;
+    start.velocity_mps[1] = start.velocity_mps[2] = 0;
+    start.rates_body_radps[2] = 0.4;
+    dis_dead_reckon(&start, turn_s, &end);
+    dis_dead_reckon(&start, turn_s / 2, &middle);
+    entity.motion = start;
+    size_t size = put_packet(file, 24, NSEC_PER_SEC, &entity);
+    entity.motion = end;
+    entity.timestamp += (uint32_t)(turn_s * DIS_HOUR / 3600.0) << 1;
+    size = put_packet(file, size, NSEC_PER_SEC + ns_from_seconds(turn_s), &entity);
+    struct flight *flight = NULL;
+    struct diag diag = {""};
+    CHECK_INT(flight_load_memory("d.pcap", file, size, &params, &flight, &diag), 0);
+    CHECK_STRING(diag.text, "");
+    if (!flight)
+        return;
+    struct pose pose, expected;
+    double ecef_m[3], square = 0.0;
+    flight_sample(flight, ns_from_seconds(turn_s / 2), &pose);
+    pose_from_dis_motion(&middle, &expected);
+    geocentric_from_geodetic(&pose.position, ecef_m);
+    for (int i = 0; i < 3; i++)
+        square += pow(ecef_m[i] - middle.position_ecef_m[i], 2);
+    CHECK_NEAR(sqrt(square), 0.0, 0.01);
+    CHECK_NEAR(pose.attitude.heading_deg, expected.attitude.heading_deg, 0.01);
+    CHECK_INT(flight->counters.accepted, 2);
+    flight_destroy(flight);
+}
+
 static const struct check_test tests[] = {
     {"an entity comes back as it was sent, in versions 5 to 7",
      an_entity_comes_back_as_it_was_sent},
@@ -508,6 +563,7 @@ static const struct check_test tests[] = {
     {"frozen and deactivated entities do not move", frozen_and_deactivated_entities_do_not_move},
     {"a source carries the entity forward until it is lost",
      a_source_carries_the_entity_forward_until_it_is_lost},
+    {"a capture is flown by dead reckoning", a_capture_is_flown_by_dead_reckoning},
 };
 
 int main(void)

@@ -358,8 +358,10 @@ static void a_canaerospace_source_reads_the_simulated_bus(void)
     for (int i = 0; i < 3; i++) {
         struct can_frame frames[CANAEROSPACE_FRAMES_MAX];
         size_t count = canaerospace_encode(&encoder, &pose, frames);
-        for (size_t k = 0; k < count; k++, sent++)
+        for (size_t k = 0; k < count; k++, sent++) {
+            frames[k].can_id |= i == 1 ? CAN_EFF_FLAG : 0; /* a bus may have either length */
             CHECK_INT(can_bus_send(a, &frames[k]), 0);
+        }
         dispatch(source, &heard);
     }
     CHECK(heard.poses >= 3);

@@ -98,12 +98,14 @@ wait "$player" 2>/dev/null
 
 step "the kernel filters: other identifiers do not reach the daemon"
 filters=$(grep -c '^ *vcan0' /proc/net/can/rcvlist_sff)
+long=$(grep -c '^ *vcan0' /proc/net/can/rcvlist_eff)
 [ "$filters" -eq 29 ] || fail "$filters filters for 11-bit identifiers, 29 expected"
+[ "$long" -eq 28 ] || fail "$long filters for 29-bit identifiers, 28 expected"
 grep -q '^ *vcan0' /proc/net/can/rcvlist_all && fail "a receiver without a filter"
 before=$(field frames)
 sleep 1
 frame 7FF#0102030405060708
-frame 0000040C#0102030405060708
+frame 0001040C#0102030405060708
 frame 40C#R
 is frames "$before" || fail "a frame that is not ours was counted"
 
