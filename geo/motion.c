@@ -167,18 +167,13 @@ static bool is_jump(const struct motion *motion, const struct track_knot *knot)
     return !(sqrt(off2) <= jump_m + (sqrt(speed2) + MANOEUVRE_MPS) * fabs(dt_s));
 }
 
-/* Puts both knots in. False where they are of the past and belong to another path. */
-static bool put_knots(struct motion *motion, const struct track_knot *place,
+static void put_knots(struct motion *motion, const struct track_knot *place,
                       const struct track_knot *turn)
 {
     const struct track_knot *newest = track_newest(&motion->turns);
     nsec_t apart_ns = (motion->params.delay_ns + 100 * NSEC_PER_MSEC) / (TRACK_KNOTS / 2);
     bool late = newest && turn->time_ns < newest->time_ns;
-    bool jumps = is_jump(motion, place);
-    if (late && newest->time_ns - turn->time_ns <= OLD_NS) {
-        if (jumps)
-            return false;
-    } else if (late || jumps) {
+    if (is_jump(motion, place) || (late && newest->time_ns - turn->time_ns > OLD_NS)) {
         track_clear(&motion->places);
         track_clear(&motion->turns);
     }
@@ -187,7 +182,6 @@ static bool put_knots(struct motion *motion, const struct track_knot *place,
     if (!carried || !measured || measured->time_ns != place->time_ns) /* not the same fix again */
         track_put(&motion->places, place, apart_ns);
     track_put(&motion->turns, turn, apart_ns);
-    return true;
 }
 
 void motion_put(struct motion *motion, int source, const struct pose *pose)
@@ -204,8 +198,7 @@ void motion_put(struct motion *motion, int source, const struct pose *pose)
         track_clear(&motion->turns);
         motion->source = source;
     }
-    if (!put_knots(motion, &place, &turn))
-        return;
+    put_knots(motion, &place, &turn);
     motion->newest = *pose;
     if (changes)
         end_change(motion, &seen);
