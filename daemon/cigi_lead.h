@@ -28,5 +28,6 @@ const struct cigi_view *cigi_lead_view(const struct cigi_lead *lead);
  * host has not changed since the last time stays as it is, so that the operator's controls hold. */
 void cigi_lead_take(struct cigi_lead *lead);
 
-/* Another source drives, or none is left, of one that leads: the input becomes what the configuration says. */
+/* Another source drives, or none is left, of one that leads: the input becomes what the
+ * configuration says. */
 void cigi_lead_drop(struct cigi_lead *lead);
