@@ -46,4 +46,18 @@ start_daemon otwd.yaml
 cat send.log
 grep -q " 0 gaps in their numbers, [0-9]* refused, 0 not in step" send.log || fail "4.0 is not held"
 awk '{ exit !($1 >= 60) }' send.log || fail "less than 60 frames of 4.0"
+# a host that hangs: the picture goes on without it, and is in step again when it is back
+stop_daemon
+sed -i 's/rate_hz: 1000/rate_hz: 20/; s/sync_wait_ms: 1000, timeout_ms: 5000/sync_wait_ms: 20, timeout_ms: 500/' otwd.yaml
+start_daemon otwd.yaml
+start hang.log "$OTWD" send flight.csv --protocol cigi3 --sync --to "udp://127.0.0.1:$port" \
+    --listen "127.0.0.1:$reply"
+wait_for 5 is source 1 || fail "the host does not drive"
+kill -STOP "$started"
+wait_for 5 is code 102 || fail "the host's silence is not told: $(field code)"
+frames=$(field frames_rendered)
+wait_for 5 at_least frames_rendered $((frames + 30)) || fail "the picture waits for a host that hangs"
+kill -CONT "$started"
+wait_for 5 is source 1 || fail "the host does not drive again"
+kill "$started"
 finish
