@@ -48,7 +48,7 @@ grep -q " 0 gaps in their numbers, [0-9]* refused, 0 not in step" send.log || fa
 awk '{ exit !($1 >= 60) }' send.log || fail "less than 60 frames of 4.0"
 # a host that hangs: the picture goes on without it, and is in step again when it is back
 stop_daemon
-sed -i 's/rate_hz: 1000/rate_hz: 20/; s/sync_wait_ms: 1000, timeout_ms: 5000/sync_wait_ms: 20, timeout_ms: 500/' otwd.yaml
+sed -i 's/rate_hz: 1000/rate_hz: 20/; s/wait_ms: 1000/wait_ms: 20/; s/out_ms: 5000/out_ms: 500/' otwd.yaml
 start_daemon otwd.yaml
 start hang.log "$OTWD" send flight.csv --protocol cigi3 --sync --to "udp://127.0.0.1:$port" \
     --listen "127.0.0.1:$reply"
