@@ -240,8 +240,8 @@ int cigi_source_message(struct cigi_source *cigi, const void *data, size_t size,
                         struct intake_counters *counters, struct rejection *ret_rejection)
 {
     struct service *service = cigi->slot->service;
-    if (!service->rendering)
-        return 0; /* nobody is told of frames yet */
+    if (!service->rendering || cigi->shown_ns == 0)
+        return 0; /* no frame has begun yet */
     int r = cigi_session_receive(cigi->session, data, size, receive_ns, ret_rejection);
     count(cigi, counters);
     if (r < 0)

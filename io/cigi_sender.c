@@ -65,6 +65,9 @@ static bool take_start(struct sending *sending)
         return false;
     if (cigi_host_receive(&sending->host, sending->data, datagram.size, NULL, NULL) < 0) {
         sending->result.refused++;
+        if (sending->params->synchronous && !sending->host.has_seen)
+            send_frame(
+                sending); /* an image generator may speak another version until it has heard */
         return true;
     }
     sending->heard_ns = datagram.receive_ns;

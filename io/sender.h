@@ -31,7 +31,8 @@ struct send_schedule {
     uint64_t left_out; /* by `loss` */
 };
 
-/* Pure. Returns 0; -EINVAL where a parameter cannot be; -ENOMEM. */
+/* Pure. Returns 0; -EINVAL where a parameter cannot be, such as CIGI (io/cigi_sender.h); -ENOMEM.
+ */
 int send_schedule_create(const struct flight *flight, const struct send_params *params,
                          struct send_schedule **ret_schedule, struct diag *diag);
 

@@ -185,6 +185,8 @@ static int check_params(const struct send_params *p, double rate_hz, double spee
     assert(p->geoid.undulation_m);
     if (p->protocol == POSE_PROTOCOL_CAN_TABLE)
         return diag_set(diag, -EINVAL, "can-table is not a protocol to send");
+    if (p->protocol == POSE_PROTOCOL_CIGI)
+        return diag_set(diag, -EINVAL, "what a CIGI host sends depends on what it hears");
     if (!(rate_hz > 0.0 && rate_hz <= RATE_MAX_HZ))
         return diag_set(diag, -EINVAL, "a rate of %g Hz is not within 0 to %g", rate_hz,
                         RATE_MAX_HZ);

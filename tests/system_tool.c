@@ -181,6 +181,8 @@ static size_t make_cigi(const char *kind, uint8_t data[CIGI_MESSAGE_MAX])
         put_own_ship(&host, &writer, 46.5);
     if (strcmp(kind, "standby") == 0)
         data[4] &= 0xfc;
+    if (strcmp(kind, "debug") == 0)
+        data[4] = (uint8_t)((data[4] & 0xfc) | CIGI_DEBUG);
     if (strcmp(kind, "size-0") == 0)
         put_bytes(&writer, size_0, sizeof(size_0));
     if (strcmp(kind, "past-end") == 0)

@@ -7,6 +7,7 @@
 #include "base/stats.h"
 #include "daemon/terrain_setup.h"
 #include "geo/geographic.h"
+#include "terrain/dig_writer.h"
 #include "terrain/query.h"
 #include "tests/database_fixture.h"
 
@@ -14,11 +15,12 @@
 #define FRAMES     120
 #define PATIENCE_S 20
 
-static struct query_thread *start(const char *path)
+static struct query_thread *start(const char *path, struct dig *dig)
 {
     struct query_thread *thread = NULL;
     struct diag diag = {""};
-    struct query_thread_params params = {.terrain_path = path, .geoid = "egm96", .cache_mib = 32};
+    struct query_thread_params params = {
+        .terrain_path = path, .geoid = "egm96", .cache_mib = 32, .dig = dig};
     if (query_thread_start(&params, &thread, &diag) < 0)
         CHECK_FAIL("starting: %s", diag.text);
     return thread;
@@ -46,7 +48,7 @@ static void take(struct query_thread *thread, unsigned count, struct cigi_answer
 
 static void answers_are_those_of_the_ground_above_the_ellipsoid(void)
 {
-    struct query_thread *thread = start(path_of("iceland"));
+    struct query_thread *thread = start(path_of("iceland"), NULL);
     struct geoid *geoid = NULL;
     struct diag diag;
     struct cigi_answer answers[4];
@@ -90,9 +92,45 @@ static void answers_are_those_of_the_ground_above_the_ellipsoid(void)
     geoid_close(geoid);
 }
 
+/* What another thread digs counts from the next question on, by either way of asking. */
+static void ground_that_is_dug_meanwhile_counts(void)
+{
+    struct stamp crater = {.kind = STAMP_CRATER,
+                           .lat_deg = 60.3,
+                           .lon_deg = -22.1,
+                           .crater = {400.0, 60.0, 12.0, 200.0}};
+    const struct cigi_question question = {
+        .token = 1, .ask = CIGI_ASK_GROUND, .from = {60.3, -22.1, 0.0}};
+    struct dig_writer *writer = NULL;
+    struct diag diag = {""};
+    struct cigi_answer before, after;
+    double loop_m[2], normal[3];
+    int64_t id;
+    if (dig_writer_open(path_of("iceland"), &writer, &diag) < 0)
+        CHECK_FAIL("opening: %s", diag.text);
+    if (!writer)
+        return;
+    struct query_thread *thread = start(path_of("iceland"), dig_writer_ground(writer));
+    CHECK(query_thread_ask(thread, 7, &question));
+    take(thread, 1, &before);
+    CHECK_INT(query_thread_ground_at(thread, 60.3, -22.1, &loop_m[0], normal), 0);
+    CHECK_INT(stamp_prepare(&crater, &diag), 0);
+    CHECK_INT(dig_writer_add(writer, &crater, 0, &id, &diag), 0);
+    CHECK(query_thread_ask(thread, 7, &question));
+    take(thread, 1, &after);
+    CHECK_INT(query_thread_ground_at(thread, 60.3, -22.1, &loop_m[1], normal), 0);
+    CHECK(before.known && after.known);
+    CHECK_NEAR(before.height_m - after.height_m, 60.0, 2.0);
+    CHECK_NEAR(loop_m[0], before.height_m, 1e-9);
+    CHECK_NEAR(loop_m[1], after.height_m, 1e-9);
+    query_thread_stop(thread);
+    CHECK_INT(dig_writer_undo(writer, 1, 0, &diag), 0);
+    dig_writer_close(writer);
+}
+
 static void more_questions_than_may_wait_are_refused(void)
 {
-    struct query_thread *thread = start("");
+    struct query_thread *thread = start("", NULL);
     const struct cigi_question question = {
         .token = 1, .ask = CIGI_ASK_SIGHT, .from = {46, 8, 9e3}, .to = {46, 9, 9e3}};
     unsigned asked = 0;
@@ -112,7 +150,7 @@ static void measure(const char *name, const char *path)
     double ms[FRAMES];
     struct distribution d;
     unsigned known = 0;
-    struct query_thread *thread = start(path);
+    struct query_thread *thread = start(path, NULL);
     if (!thread)
         return;
     for (unsigned frame = 0; frame < FRAMES; frame++) {
@@ -153,6 +191,7 @@ int main(void)
     static const struct check_test tests[] = {
         {"answers are those of the ground, above the ellipsoid",
          answers_are_those_of_the_ground_above_the_ellipsoid},
+        {"ground that is dug meanwhile counts", ground_that_is_dug_meanwhile_counts},
         {"more questions than may wait are refused", more_questions_than_may_wait_are_refused},
         {"a thousand requests take less than a frame", a_thousand_requests_take_less_than_a_frame},
     };

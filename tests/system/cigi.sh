@@ -64,6 +64,9 @@ wait_for 3 holds 1 390 || fail "the host's time of 6:30 is not drawn"
 send view
 wait_for 3 logged "view 0: a field of view from -89 to 30" || fail "a view that cannot be drawn is not told"
 send place # as before
+send debug
+wait_for 3 logged "source host: Debug" || fail "it does not go to Debug"
+wait_for 3 logged "source host: CIGI 3.3, " || fail "Debug does not tell the counters"
 
 # noise from an address that is not allowed, 20 000 datagrams
 before=$(field rejected)

@@ -32,4 +32,32 @@ is lost 0 || fail "lost $(field lost)"
 at_least accepted 10000 || fail "accepted $(field accepted)"
 near lon_deg 8.10 1e-4 || fail "the last frame is not shown: longitude $(field lon_deg)"
 logged "the host wants database 1, which is drawn" || fail "no database was asked for"
+# a host of another version than is spoken until it has spoken
+cat >short.csv <<'FLIGHT'
+# altitude: ellipsoid
+time_s,lat_deg,lon_deg,alt_m,roll_deg,pitch_deg,heading_deg
+0,46.60,7.90,3900,0,0,90
+1,46.60,7.90,4000,0,0,90
+FLIGHT
+stop_daemon
+start_daemon otwd.yaml
+"$OTWD" send short.csv --protocol cigi4 --sync --to "udp://127.0.0.1:$port" \
+    --listen "127.0.0.1:$reply" >send.log || fail "the host of 4.0 fails"
+cat send.log
+grep -q " 0 gaps in their numbers, [0-9]* refused, 0 not in step" send.log || fail "4.0 is not held"
+awk '{ exit !($1 >= 60) }' send.log || fail "less than 60 frames of 4.0"
+# a host that hangs: the picture goes on without it, and is in step again when it is back
+stop_daemon
+sed -i 's/rate_hz: 1000/rate_hz: 20/; s/wait_ms: 1000/wait_ms: 20/; s/out_ms: 5000/out_ms: 500/' otwd.yaml
+start_daemon otwd.yaml
+start hang.log "$OTWD" send flight.csv --protocol cigi3 --sync --to "udp://127.0.0.1:$port" \
+    --listen "127.0.0.1:$reply"
+wait_for 5 is source 1 || fail "the host does not drive"
+kill -STOP "$started"
+wait_for 5 is code 102 || fail "the host's silence is not told: $(field code)"
+frames=$(field frames_rendered)
+wait_for 5 at_least frames_rendered $((frames + 30)) || fail "the picture waits for a host that hangs"
+kill -CONT "$started"
+wait_for 5 is source 1 || fail "the host does not drive again"
+kill "$started"
 finish

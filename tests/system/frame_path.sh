@@ -39,14 +39,14 @@ YAML
     shift
     start send.log "$OTWD" send flight.csv --to "udp://127.0.0.1:$port" --rate 30 "$@"
     sender=$started
-    export COUNT_THREAD=otwd-render COUNT_AFTER_S=3 COUNT_UNTIL_S=7 COUNT_FILE="$scratch/counts.txt"
+    export COUNT_THREAD=otwd-render COUNT_AFTER_S=5 COUNT_UNTIL_S=9 COUNT_FILE="$scratch/counts.txt"
     start otwd.log env LD_PRELOAD="$COUNT_CALLS" "$OTWD" run -c otwd.yaml
     daemon=$started
     unset COUNT_FILE
     wait_for 3 is source 1 || fatal "the daemon does not fly within 3 seconds"
     wait_for 3 is_drawing || fatal "the daemon does not draw"
     at_start=$(field frames_rendered)
-    wait_for 10 at_least uptime_s 8 || fatal "the daemon's clock stands"
+    wait_for 10 at_least uptime_s 10 || fatal "the daemon's clock stands"
     height=$(field height_m)
     frames=$(($(field frames_rendered) - at_start))
     [ "$frames" -ge 60 ] || fail "only $frames frames while counting"
