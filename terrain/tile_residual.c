@@ -63,7 +63,7 @@ static int next_post(const struct tile_parent *parent, int post)
     return post;
 }
 
-static int runs_of(const struct tile_parent *parent)
+int tile_residual_runs(const struct tile_parent *parent)
 {
     const int cells = TILE_CELLS / 2;
     int posts = !parent                ? TILE_POST_COUNT
@@ -169,7 +169,7 @@ static int32_t symbol_of(uint32_t bits, int width, bool holes, int32_t predicted
 size_t tile_residual_pack(const int32_t *symbols, const struct tile_parent *parent,
                           uint32_t ret_words[TILE_RESIDUAL_WORDS_MOST])
 {
-    int runs = runs_of(parent), post = -1;
+    int runs = tile_residual_runs(parent), post = -1;
     size_t used = 1 + (size_t)(runs + 3) / 4;
     int32_t base = base_of(symbols, parent);
     memset(ret_words, 0, used * sizeof(*ret_words));
@@ -189,7 +189,7 @@ size_t tile_residual_pack(const int32_t *symbols, const struct tile_parent *pare
 void tile_residual_unpack(const uint32_t *words, const struct tile_parent *parent,
                           int32_t *ret_symbols)
 {
-    int runs = runs_of(parent), post = -1;
+    int runs = tile_residual_runs(parent), post = -1;
     const uint32_t *bits = words + 1 + (runs + 3) / 4;
     for (int i = 0; parent && i < TILE_POST_COUNT; i++)
         ret_symbols[i] = predict(parent, i / TILE_POSTS, i % TILE_POSTS);

@@ -25,6 +25,10 @@
 #define TILE_RESIDUAL_WORDS_MOST                                                                   \
     (1 + (TILE_RESIDUAL_RUNS_MOST + 3) / 4 + 32 * TILE_RESIDUAL_RUNS_MOST)
 
+/* How many runs a tile has: of its parent only the way in which it lies there is looked at; NULL:
+ * it has none. */
+int tile_residual_runs(const struct tile_parent *parent);
+
 /* Packs TILE_POST_COUNT symbols, of which those that the parent has are equal to the parent's;
  * `parent` is NULL for a tile without one. Returns the number of words. */
 size_t tile_residual_pack(const int32_t *symbols, const struct tile_parent *parent,
