@@ -33,10 +33,10 @@ static void every_kind_of_tile_is_the_cpus(void)
             rebuild(decode, 0, above, TILE_DECODE_NO_PARENT, NULL);
             rebuild(decode, 1, decoded, 0, &place);
             tile_decode_run(decode);
-            read_back(decode, 0, back);
+            read_back(decode, 0, 1, back);
             if (memcmp(back, above, sizeof(back)) != 0)
                 CHECK_FAIL("%s: a parent is another on the GPU", tile_kinds[kind]);
-            read_back(decode, 1, back);
+            read_back(decode, 1, 1, back);
             if (memcmp(back, tile, sizeof(back)) != 0)
                 CHECK_FAIL("%s: a tile is another on the GPU", tile_kinds[kind]);
         }
@@ -68,7 +68,7 @@ static void a_batch_is_rebuilt_in_its_order(void)
     }
     tile_decode_run(decode);
     for (uint32_t i = 4; i < 6; i++) {
-        read_back(decode, i % 2, back);
+        read_back(decode, i % 2, 1, back);
         CHECK(memcmp(back, line[i], sizeof(back)) == 0);
     }
     tile_decode_destroy(decode);

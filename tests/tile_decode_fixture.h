@@ -95,6 +95,30 @@ static inline void walk_children(struct walk *walk, uint32_t parent)
     }
 }
 
+/* The coarsest tiles: those that touch the database's extent. */
+static inline void walk_roots(struct walk *walk)
+{
+    const struct grid *grid = database_grid(walk->database);
+    int level = database_top_level(walk->database);
+    struct database_info info;
+    struct diag diag = {""};
+    if (database_info(walk->database, &info, &diag) < 0) {
+        CHECK_FAIL("%s", diag.text);
+        return;
+    }
+    int32_t first = (int32_t)floor(grid_row_at(grid, level, info.south_deg) / TILE_CELLS);
+    int32_t last = (int32_t)floor(grid_row_at(grid, level, info.north_deg) / TILE_CELLS);
+    for (int32_t row = first; row <= last; row++) {
+        unsigned shift = grid_lon_shift(grid, level, row);
+        int32_t cols = grid_tile_cols(grid, level, shift);
+        int32_t west = (int32_t)(grid_col_at(grid, level, shift, info.west_deg) / TILE_CELLS);
+        int32_t east = (int32_t)(grid_col_at(grid, level, shift, info.east_deg) / TILE_CELLS);
+        for (int32_t col = west; col <= east && col < west + cols; col++)
+            walk_read(walk, (struct tile_id){level, row, col % cols}, TILE_DECODE_NO_PARENT);
+    }
+    database_info_finish(&info);
+}
+
 static inline bool walk_open(struct walk *walk, const char *path)
 {
     struct diag diag = {""};
@@ -103,13 +127,7 @@ static inline bool walk_open(struct walk *walk, const char *path)
         CHECK_FAIL("%s", diag.text);
         return false;
     }
-    const struct grid *grid = database_grid(walk->database);
-    int level = database_top_level(walk->database);
-    for (int32_t row = grid_first_tile_row(grid, level); row <= grid_last_tile_row(grid, level);
-         row++)
-        for (int32_t col = 0; col < grid_tile_cols(grid, level, grid_lon_shift(grid, level, row));
-             col++)
-            walk_read(walk, (struct tile_id){level, row, col}, TILE_DECODE_NO_PARENT);
+    walk_roots(walk);
     for (uint32_t i = 0; i < walk->count; i++)
         walk_children(walk, i);
     CHECK(walk->count > 0);
@@ -174,20 +192,25 @@ static inline struct walk_bytes walk_decode(const struct walk *walk, struct tile
     return bytes;
 }
 
-static inline void read_back(const struct tile_decode *decode, uint32_t slot, int32_t *ret_symbols)
+static inline void read_back(const struct tile_decode *decode, uint32_t slot, uint32_t count,
+                             int32_t *ret_symbols)
 {
     glGetTextureSubImage(tile_decode_texture(decode), 0, 0, 0, (GLint)slot, TILE_POSTS, TILE_POSTS,
-                         1, GL_RED_INTEGER, GL_INT, TILE_POST_COUNT * sizeof(int32_t), ret_symbols);
+                         (GLsizei)count, GL_RED_INTEGER, GL_INT,
+                         (GLsizei)(count * TILE_POST_COUNT * sizeof(int32_t)), ret_symbols);
 }
 
 static inline void walk_compare(const struct walk *walk, const struct tile_decode *decode)
 {
-    static int32_t back[TILE_POST_COUNT];
+    enum { AT_ONCE = 64 }; /* reading back takes the driver long */
+    static int32_t back[AT_ONCE][TILE_POST_COUNT];
     unsigned wrong = 0;
     for (uint32_t i = 0; i < walk->count; i++) {
         const struct walked_tile *tile = &walk->tiles[i];
-        read_back(decode, i, back);
-        if (memcmp(back, tile->symbols, sizeof(back)) != 0 && wrong++ == 0)
+        uint32_t left = walk->count - i;
+        if (i % AT_ONCE == 0)
+            read_back(decode, i, left < AT_ONCE ? left : AT_ONCE, back[0]);
+        if (memcmp(back[i % AT_ONCE], tile->symbols, sizeof(back[0])) != 0 && wrong++ == 0)
             CHECK_FAIL("tile %d %d %d%s is another on the GPU", tile->id.level, tile->id.row,
                        tile->id.col, tile->made ? " (made)" : "");
     }
