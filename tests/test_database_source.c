@@ -185,11 +185,53 @@ static void test_speed(void)
     terrain_source_destroy(source);
 }
 
+/* Places that follow each other share a tile and are found in it; single ones by the whole way. On
+ * posts, hardly off them, on borders of tiles and bands, poles and the last meridian. */
+static void test_neighbours_are_found_to_the_bit(void)
+{
+    enum { COUNT = 4000 };
+    static double lat_deg[COUNT], lon_deg[COUNT];
+    static float heights_m[COUNT];
+    const char *const names[] = {"exact.db", "globe.db", "void.db"};
+    const struct {
+        double row, col;
+    } starts[] = {{7140.0, 18900.0}, {-630.0, 2480.0}, {7600.0, 18900.0}};
+    build_globe(path_of("globe.db"));
+    build_void(path_of("void.db"));
+    for (int n = 0; n < 3; n++) {
+        struct terrain_source *source = open_source(path_of(names[n]));
+        double step_deg = n == 1 ? 1.0 / 7.0 : 1.0 / 120.0;
+        const struct terrain_places places = {lat_deg, lon_deg, COUNT, step_deg};
+        srand(5);
+        for (int i = 0; i < COUNT; i++) {
+            static const double off[] = {0.0, 1e-7, -1e-7, 2e-6, -2e-6, 0.31, 0.5};
+            double row = i / 40 + starts[n].row + (n == 1 && i >= COUNT / 2 ? 1160.0 : 0.0);
+            double col = 2.0 * (i % 40) + starts[n].col;
+            lat_deg[i] = fmax(fmin((row + off[rand() % 7]) * step_deg, 90.0), -90.0);
+            lon_deg[i] = remainder((col + off[rand() % 7]) * step_deg - 180.0, 360.0);
+        }
+        CHECK(source->ops->sample(source, &places, heights_m) >= 0);
+        int wrong = 0, known = 0;
+        for (int i = 0; i < COUNT; i++) {
+            double alone_m = point_m(source, lat_deg[i], lon_deg[i]);
+            bool none = isnan(alone_m);
+            wrong +=
+                none != (bool)isnan(heights_m[i]) || (!none && alone_m != (double)heights_m[i]);
+            known += !none;
+        }
+        CHECK_INT(wrong, 0);
+        CHECK(known > COUNT / 4);
+        terrain_source_destroy(source);
+    }
+}
+
 static const struct check_test tests[] = {
     {"a grid that falls on the posts of any level reads them exactly", test_exact_posts},
     {"between posts the surface is bilinear, for grids as for points", test_bilinear},
     {"the surface is continuous across tiles, bands and the antimeridian", test_continuous},
     {"a grid across the antimeridian has no seam on any level", test_antimeridian_grid},
+    {"places found in their neighbours' tile have the bits of single ones",
+     test_neighbours_are_found_to_the_bit},
     {"voids and places outside have no height", test_void},
     {"a bad or missing tile is drawn from its parent and counted", test_bad_tile_falls_back},
     {"sampling is fast on cached tiles", test_speed},
