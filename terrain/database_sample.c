@@ -20,6 +20,7 @@ struct held_tile {
     bool any;
     struct tile_id id;
     struct tile_pin pin;
+    struct surface_inside inside;
 };
 
 /* One call's work. */
@@ -80,6 +81,7 @@ static const float *take_tile(struct sampling *sampling, int which, const struct
         return held->pin.heights_m;
     let_go(sampling, held);
     *held = (struct held_tile){.any = true, .id = id, .pin = {.entry = TILE_NONE}};
+    surface_inside_tile(&source->core->database->grid, id, &held->inside);
     if (is_beyond(source, id))
         return NULL;
     if (source->streams)
@@ -92,7 +94,12 @@ static const float *take_tile(struct sampling *sampling, int which, const struct
 
 static float sample_place(struct sampling *sampling, double lat_deg, double lon_deg)
 {
+    const struct held_tile *held = &sampling->tiles[0];
     struct surface_place place;
+    float height_m;
+    if (held->any &&
+        surface_height_inside(&held->inside, held->pin.heights_m, lat_deg, lon_deg, &height_m))
+        return height_m; /* most are */
     surface_place(&sampling->source->core->database->grid, sampling->level, lat_deg, lon_deg,
                   &place);
     const float *south_m = take_tile(sampling, 0, &place.south), *north_m = south_m;

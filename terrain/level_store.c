@@ -34,10 +34,15 @@ static size_t index_of(const struct level_store *store, int32_t half_row, int32_
     return (size_t)((uint32_t)half_row & mask) * side + ((uint32_t)half_col & mask);
 }
 
+double level_store_half_step_rad(const struct level_store *store)
+{
+    return 0.5 * clipmap_step_rad(store->shape, store->level);
+}
+
 /* The angle (rad) of a half-post along its face. */
 static double angle_of(const struct level_store *store, int32_t half_post)
 {
-    return half_post * (0.5 * clipmap_step_rad(store->shape, store->level)) - M_PI / 4.0;
+    return half_post * level_store_half_step_rad(store) - M_PI / 4.0;
 }
 
 struct clipmap_rect level_store_half_posts(struct clipmap_rect posts)
@@ -62,22 +67,22 @@ struct clipmap_rect level_store_posts(struct clipmap_rect rect)
 }
 
 /* The tangents of the angles of so many half-posts. */
-static void tangents_of(const struct level_store *store, int32_t first, int count,
+static void tangents_of(const struct level_store *store, int32_t first, int stride, int count,
                         double ret_tangents[COLUMNS_MAX])
 {
     assert(count <= COLUMNS_MAX);
     for (int i = 0; i < count; i++)
-        ret_tangents[i] = tan(angle_of(store, first + i));
+        ret_tangents[i] = tan(angle_of(store, first + i * stride));
 }
 
-void level_store_places(const struct level_store *store, struct clipmap_rect rect,
+void level_store_places(const struct level_store *store, struct clipmap_rect rect, int stride,
                         double *ret_lat_deg, double *ret_lon_deg)
 {
     double axes[3][3], normal[3], u[COLUMNS_MAX];
     cube_axes(store->pane.face, axes);
-    tangents_of(store, rect.col0, rect.cols, u);
+    tangents_of(store, rect.col0, stride, rect.cols, u);
     for (int r = 0; r < rect.rows; r++) {
-        double w = tan(angle_of(store, rect.row0 + r));
+        double w = tan(angle_of(store, rect.row0 + r * stride));
         for (int c = 0; c < rect.cols; c++) {
             for (int i = 0; i < 3; i++) /* of any length */
                 normal[i] = axes[0][i] + u[c] * axes[1][i] + w * axes[2][i];
@@ -140,7 +145,7 @@ void level_store_export_surfaces(const struct level_store *store, struct clipmap
 {
     const struct clipmap_rect window = level_store_half_posts(store->pane.posts);
     double tangents[COLUMNS_MAX];
-    tangents_of(store, rect.col0, rect.cols, tangents);
+    tangents_of(store, rect.col0, 1, rect.cols, tangents);
     float per_step = (float)(2.0 / (MEAN_RADIUS_M * clipmap_step_rad(store->shape, store->level)));
     for (int r = 0; r < rect.rows; r++) {
         int32_t row = rect.row0 + r;

@@ -27,9 +27,12 @@ struct clipmap_rect level_store_half_posts(struct clipmap_rect posts);
 /* The posts among the half-posts of `rect`. */
 struct clipmap_rect level_store_posts(struct clipmap_rect rect);
 
-/* Where the half-posts of a rectangle lie, row-major. */
-void level_store_places(const struct level_store *store, struct clipmap_rect rect,
+/* Where every `stride`-th half-post lies from the rectangle's first one on, [rows][cols] of it. */
+void level_store_places(const struct level_store *store, struct clipmap_rect rect, int stride,
                         double *ret_lat_deg, double *ret_lon_deg);
+
+/* The angle (rad) between half-posts. */
+double level_store_half_step_rad(const struct level_store *store);
 
 /* Puts sampled ground ([rows][cols] of a rectangle of half-posts, above the geoid) in. True where
  * anything is other than it was. */

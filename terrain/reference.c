@@ -163,7 +163,7 @@ static int run_heights(void *user, unsigned worker, unsigned item)
         struct level_store store = posts_of(run->reference, face);
         for (int k = i; k < i + 3; k++) {
             struct clipmap_rect one = {posts[k - i][1], posts[k - i][0], 1, 1};
-            level_store_places(&store, one, &scratch->lat_deg[k], &scratch->lon_deg[k]);
+            level_store_places(&store, one, 1, &scratch->lat_deg[k], &scratch->lon_deg[k]);
             undulation_of_half_posts(run->reference->geoid, &store, one, &scratch->lat_deg[k],
                                      &scratch->lon_deg[k], &scratch->undulation_m[k]);
         }
@@ -208,7 +208,7 @@ static int run_posts(void *user, unsigned worker, unsigned item)
     int rows = rows_of_chunk(&rect), first = (int)item * rows;
     rect.row0 += first;
     rect.rows = rect.rows - first < rows ? rect.rows - first : rows;
-    level_store_places(&run->store, rect, scratch->lat_deg, scratch->lon_deg);
+    level_store_places(&run->store, rect, 1, scratch->lat_deg, scratch->lon_deg);
     undulation_of_half_posts(run->reference->geoid, &run->store, rect, scratch->lat_deg,
                              scratch->lon_deg, scratch->undulation_m);
     sample(run->reference, scratch, rect.rows * rect.cols,

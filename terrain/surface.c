@@ -91,6 +91,63 @@ float surface_height_m(const struct surface_place *place, const float *south_m,
     return blend(along(&place->south, south_m), along(&place->north, north_m), place->up);
 }
 
+void surface_inside_tile(const struct grid *grid, struct tile_id id,
+                         struct surface_inside *ret_inside)
+{
+    unsigned shift = grid_lon_shift(grid, id.level, id.row);
+    int64_t row0 = (int64_t)id.row * TILE_CELLS, col0 = (int64_t)id.col * TILE_CELLS;
+    int64_t first = grid_first_row(grid, id.level) + 2 - row0;
+    int64_t last = grid_last_row(grid, id.level) - 3 - row0;
+    int64_t last_col = (int64_t)grid_width_cells(grid, id.level, shift) - 2 - col0;
+    *ret_inside = (struct surface_inside){
+        .posts_per_degree = grid->shape.posts_per_degree,
+        .lat_phase = grid->shape.lat_phase,
+        .lon_phase = grid->shape.lon_phase,
+        .row_scale = ldexp(1.0, -id.level),
+        .col_scale = ldexp(1.0, -id.level - (int)shift),
+        .row0 = (double)row0,
+        .col0 = (double)col0,
+        .first_row = first > 1 ? (int)first : 1,
+        .last_row = last < TILE_CELLS - 2 ? (int)last : TILE_CELLS - 2,
+        .last_col = last_col < TILE_CELLS - 1 ? (int)last_col : TILE_CELLS - 1,
+    };
+}
+
+/* Splits a position into a cell and what is left, as surface_place() does away from all ends. */
+static bool find_cell(double position, int first, int last, int *ret_cell, float *ret_fraction)
+{
+    if (!(position >= first && position < last + 1))
+        return false;
+    int cell = (int)position;
+    double fraction = position - cell;
+    cell += 1.0 - fraction < SURFACE_SNAP_CELLS;
+    if (fraction < SURFACE_SNAP_CELLS || 1.0 - fraction < SURFACE_SNAP_CELLS)
+        fraction = 0.0;
+    *ret_cell = cell;
+    *ret_fraction = (float)fraction;
+    return cell <= last;
+}
+
+bool surface_height_inside(const struct surface_inside *inside, const float *heights_m,
+                           double lat_deg, double lon_deg, float *ret_height_m)
+{
+    double y = (lat_deg * inside->posts_per_degree - inside->lat_phase) * inside->row_scale;
+    double x =
+        ((lon_deg + 180.0) * inside->posts_per_degree - inside->lon_phase) * inside->col_scale;
+    int row, col;
+    float up, east;
+    if (!find_cell(y - inside->row0, inside->first_row, inside->last_row, &row, &up) ||
+        !find_cell(x - inside->col0, 0, inside->last_col, &col, &east))
+        return false;
+    if (!heights_m) {
+        *ret_height_m = NAN;
+        return true;
+    }
+    const float *south = heights_m + row * TILE_POSTS + col, *north = south + TILE_POSTS;
+    *ret_height_m = blend(blend(south[0], south[1], east), blend(north[0], north[1], east), up);
+    return true;
+}
+
 static double slope_along(const struct surface_line *line, const float *heights_m)
 {
     return heights_m ? (double)(heights_m[line->post + 1] - heights_m[line->post]) / line->cell_deg

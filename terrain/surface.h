@@ -1,6 +1,5 @@
 /* Where a place lies on the surface of one level of a database: between four posts of one tile, or
- * of two where the longitude factor changes. The way of single places; terrain/database_sample.c
- * walks rows and comes to the same bits. Pure; any thread. */
+ * of two where the longitude factor changes. Pure; any thread. */
 #pragma once
 
 #include <stdbool.h>
@@ -27,6 +26,22 @@ struct surface_place {
 /* Latitude -90..90, any longitude that is finite. */
 void surface_place(const struct grid *grid, int level, double lat_deg, double lon_deg,
                    struct surface_place *ret_place);
+
+/* What all places have in common that lie within a tile, off its southern and northern borders, the
+ * poles and the last meridian. */
+struct surface_inside {
+    double posts_per_degree, lat_phase, lon_phase, row_scale, col_scale; /* of the grid */
+    double row0, col0;                                                   /* of the first post */
+    int first_row, last_row, last_col; /* cells, counted from there */
+};
+
+void surface_inside_tile(const struct grid *grid, struct tile_id id,
+                         struct surface_inside *ret_inside);
+
+/* The height at a place from the tile's posts (NULL: no data), to the bit what surface_place() and
+ * surface_height_m() come to. False where the place does not lie within. */
+bool surface_height_inside(const struct surface_inside *inside, const float *heights_m,
+                           double lat_deg, double lon_deg, float *ret_height_m);
 
 /* The height from the tiles of its lines; NULL is a tile without data. NaN where a post that counts
  * has none. */

@@ -17,12 +17,10 @@ static float between(float a, float b, int i)
 static void sample_row(struct geoid *geoid, const struct level_store *store, int32_t row,
                        int32_t col0, int count, float *ret_undulation_m)
 {
-    for (int i = 0; i < count; i++) {
-        struct clipmap_rect one = {row, col0 + i * STRIDE, 1, 1};
-        double lat_deg, lon_deg;
-        level_store_places(store, one, &lat_deg, &lon_deg);
-        ret_undulation_m[i] = (float)geoid_undulation_m(geoid, lat_deg, lon_deg);
-    }
+    double lat_deg[COLUMNS_MOST], lon_deg[COLUMNS_MOST];
+    level_store_places(store, (struct clipmap_rect){row, col0, 1, count}, STRIDE, lat_deg, lon_deg);
+    for (int i = 0; i < count; i++)
+        ret_undulation_m[i] = (float)geoid_undulation_m(geoid, lat_deg[i], lon_deg[i]);
 }
 
 /* On fine levels the geoid is taken every STRIDE half-posts, counted from the face's corner
@@ -58,7 +56,7 @@ void undulation_of_half_posts(struct geoid *geoid, const struct level_store *sto
     size_t count = (size_t)rect.rows * (size_t)rect.cols;
     if (!geoid)
         memset(ret_undulation_m, 0, count * sizeof(float));
-    else if (0.5 * clipmap_step_rad(store->shape, store->level) * STRIDE <= FINE_RAD)
+    else if (level_store_half_step_rad(store) * STRIDE <= FINE_RAD)
         sample_fine(geoid, store, rect, ret_undulation_m);
     else
         for (size_t i = 0; i < count; i++)

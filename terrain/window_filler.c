@@ -9,11 +9,12 @@
 
 #include "geo/cube.h"
 #include "terrain/ground.h"
+#include "terrain/half_post_places.h"
 #include "terrain/nearest_ground.h"
 #include "terrain/undulation.h"
 
 #define REFRESH_PARTS (LOADER_MAX_STRIPS / 2) /* each may need a strip of the finer level, too */
-#define CHUNK_POSTS   (LATE_SIDE * LATE_SIDE) /* half-posts that a worker takes at a time */
+#define CHUNK_POSTS   HALF_POST_PLACES_MOST   /* that a worker takes at a time */
 #define AHEAD_STRIDE  32    /* half-posts between those that are asked for ahead */
 #define MOVE_POSTS    2.0   /* that an eye goes before a level follows */
 #define GROWTH_STEPS  512.0 /* in which a level's radius is found that an update has room for */
@@ -81,12 +82,12 @@ static double degrees_from(double rad)
 static struct terrain_places places_of(const struct level_store *store, struct clipmap_rect rect,
                                        double *lat_deg, double *lon_deg)
 {
-    level_store_places(store, rect, lat_deg, lon_deg);
+    half_post_places(store, rect, lat_deg, lon_deg);
     return (struct terrain_places){
         .lat_deg = lat_deg,
         .lon_deg = lon_deg,
         .count = rect.rows * rect.cols,
-        .spacing_deg = degrees_from(0.5 * clipmap_step_rad(store->shape, store->level)),
+        .spacing_deg = degrees_from(level_store_half_step_rad(store)),
     };
 }
 
@@ -512,10 +513,10 @@ static void ask_ahead(struct window_filler *filler, const struct level_store *st
             struct clipmap_rect one = {rect.row0 + smaller(r, rect.rows - 1),
                                        rect.col0 + smaller(c, rect.cols - 1), 1, 1};
             assert(places.count < CHUNK_POSTS);
-            level_store_places(store, one, lat_deg + places.count, lon_deg + places.count);
+            level_store_places(store, one, 1, lat_deg + places.count, lon_deg + places.count);
             places.count++;
         }
-    places.spacing_deg = degrees_from(0.5 * clipmap_step_rad(store->shape, store->level));
+    places.spacing_deg = degrees_from(level_store_half_step_rad(store));
     source->ops->prefetch(source, &places);
 }
 

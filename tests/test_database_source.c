@@ -185,11 +185,55 @@ static void test_speed(void)
     terrain_source_destroy(source);
 }
 
+/* Places that follow each other often share a tile and are found in it; single ones by the whole
+ * way. On posts, hardly off them, about borders of tiles and bands, poles and the last meridian. */
+static void test_neighbours_are_found_to_the_bit(void)
+{
+    enum { COUNT = 4000 };
+    static double lat_deg[COUNT], lon_deg[COUNT];
+    static float heights_m[COUNT];
+    static const double off[] = {0.0, 1e-7, -1e-7, 2e-6, -2e-6, 0.31, 0.5};
+    static const struct {
+        const char *name;
+        int per_degree, row, col; /* of the first place: posts from the equator and -180 degrees */
+    } parts[] = {{"exact.db", 120, 7250, 18900}, {"globe.db", 7, -630, 2480},
+                 {"globe.db", 7, -560, 2480},    {"globe.db", 7, 460, 2480},
+                 {"globe.db", 7, 540, 2480},     {"void.db", 120, 7600, 18900}};
+    build_globe(path_of("globe.db"));
+    build_void(path_of("void.db"));
+    srand(5);
+    for (size_t p = 0; p < sizeof(parts) / sizeof(parts[0]); p++) {
+        struct terrain_source *source = open_source(path_of(parts[p].name));
+        double step_deg = 1.0 / parts[p].per_degree;
+        const struct terrain_places places = {lat_deg, lon_deg, COUNT, step_deg};
+        for (int i = 0; i < COUNT; i++) {
+            double row = parts[p].row + rand() % 90 + off[rand() % 7];
+            double col = parts[p].col + rand() % 80 + off[rand() % 7];
+            lat_deg[i] = fmax(fmin(row * step_deg, 90.0), -90.0);
+            lon_deg[i] = remainder(col * step_deg - 180.0, 360.0);
+        }
+        CHECK(source->ops->sample(source, &places, heights_m) >= 0);
+        int wrong = 0, known = 0;
+        for (int i = 0; i < COUNT; i++) {
+            double alone_m = point_m(source, lat_deg[i], lon_deg[i]);
+            bool none = isnan(alone_m);
+            wrong +=
+                none != (bool)isnan(heights_m[i]) || (!none && alone_m != (double)heights_m[i]);
+            known += !none;
+        }
+        CHECK_INT(wrong, 0);
+        CHECK(known > COUNT / 4);
+        terrain_source_destroy(source);
+    }
+}
+
 static const struct check_test tests[] = {
     {"a grid that falls on the posts of any level reads them exactly", test_exact_posts},
     {"between posts the surface is bilinear, for grids as for points", test_bilinear},
     {"the surface is continuous across tiles, bands and the antimeridian", test_continuous},
     {"a grid across the antimeridian has no seam on any level", test_antimeridian_grid},
+    {"places found in their neighbours' tile have the bits of single ones",
+     test_neighbours_are_found_to_the_bit},
     {"voids and places outside have no height", test_void},
     {"a bad or missing tile is drawn from its parent and counted", test_bad_tile_falls_back},
     {"sampling is fast on cached tiles", test_speed},

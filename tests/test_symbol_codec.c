@@ -3,50 +3,11 @@
 
 #include "terrain/symbol_codec.h"
 #include "tests/check.h"
+#include "tests/tile_fixture.h"
 
-/* A tile, the parent that it is checked with, and the room for what comes of it. */
-static int32_t tile[TILE_POST_COUNT], above[TILE_POST_COUNT], back[TILE_POST_COUNT];
+static int32_t back[TILE_POST_COUNT];
 static uint8_t payload[SYMBOL_PAYLOAD_MAX];
 static uLong all_payloads; /* the CRC of those that came back */
-
-static uint32_t random_state;
-
-static uint32_t random_next(void)
-{
-    random_state = random_state * 1664525u + 1013904223u;
-    return random_state >> 8 | random_state << 24;
-}
-
-/* Hills of several widths, integer arithmetic only: the same on every machine. */
-static int32_t hills(int row, int col)
-{
-    int64_t height = 0;
-    for (int k = 3; k < 8; k++) {
-        int64_t x = (col * 37 + row * 11 * k) % (2 << k), y = (row * 29 + col * 7) % (2 << k);
-        height += llabs(x - (1 << k)) * llabs(y - (1 << k)) / 8;
-    }
-    return (int32_t)(height - 500);
-}
-
-/* The parent's posts where the tile's are: (row, col) of the parent -> that of the tile, or false.
- */
-static bool child_post(const struct tile_parent *parent, int row, int col, int *ret_index)
-{
-    int child_row = 2 * (row - parent->row_half * TILE_CELLS / 2);
-    int child_col = parent->same_columns ? col : 2 * (col - parent->col_half * TILE_CELLS / 2);
-    *ret_index = child_row * TILE_POSTS + child_col;
-    return child_row >= 0 && child_row < TILE_POSTS && child_col >= 0 && child_col < TILE_POSTS;
-}
-
-/* Gives the parent the tile's posts where it has them. */
-static void share_posts(const struct tile_parent *parent)
-{
-    for (int i = 0; i < TILE_POST_COUNT; i++) {
-        int index;
-        if (child_post(parent, i / TILE_POSTS, i % TILE_POSTS, &index))
-            above[i] = tile[index];
-    }
-}
 
 static size_t check_round_trip(const struct tile_parent *parent)
 {
@@ -67,10 +28,8 @@ static size_t check_round_trip(const struct tile_parent *parent)
 static size_t check_everywhere(void)
 {
     size_t size = check_round_trip(NULL);
-    for (int place = 0; place < 6; place++) {
-        struct tile_parent parent = {above, place / 2 % 2, place % 2, place >= 4};
-        if (parent.same_columns)
-            parent.row_half = place % 2;
+    for (int place = 0; place < TILE_PLACES; place++) {
+        struct tile_parent parent = tile_place(place);
         share_posts(&parent);
         size += check_round_trip(&parent);
     }
