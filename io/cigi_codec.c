@@ -275,11 +275,16 @@ static struct cigi_packet with_version(const struct cigi_packet *packet,
     return head;
 }
 
-/* The bytes of an IG Message's text, with a NUL, in whole eights together with its head. */
-static size_t text_size(const struct cigi_message *message, size_t head)
+static size_t text_length(const struct cigi_packet *packet)
 {
-    size_t size = head + strnlen(message->text, CIGI_TEXT_MAX - 1) + 1;
-    return (size + ALIGNMENT - 1) / ALIGNMENT * ALIGNMENT - head;
+    const char *text = packet->message.text;
+    return packet->kind == CIGI_MESSAGE ? strnlen(text, CIGI_TEXT_MAX - 1) : 0;
+}
+
+/* The bytes of an IG Message's text, with a NUL, in whole eights together with its head. */
+static size_t text_size(size_t length, size_t head)
+{
+    return (head + length + ALIGNMENT) / ALIGNMENT * ALIGNMENT - head;
 }
 
 bool cigi_write(struct cigi_writer *writer, const struct cigi_packet *packet)
@@ -287,11 +292,10 @@ bool cigi_write(struct cigi_writer *writer, const struct cigi_packet *packet)
     const struct cigi_format *format = &writer->format;
     const struct cigi_layout *layout = &cigi_layouts[packet->kind];
     int g = generation(format);
-    size_t size = least_size(packet->kind, format), text = 0;
+    size_t size = least_size(packet->kind, format), length = text_length(packet);
+    size_t text = packet->kind == CIGI_MESSAGE ? text_size(length, size) : 0;
     if (layout->id[g] < 0)
         return false;
-    if (packet->kind == CIGI_MESSAGE)
-        text = text_size(&packet->message, size);
     if (size + text > writer->capacity - writer->size)
         return false;
     uint8_t *start = writer->data + writer->size;
@@ -303,9 +307,7 @@ bool cigi_write(struct cigi_writer *writer, const struct cigi_packet *packet)
         if (layout->fields[i].at[g] && layout->fields[i].at[g] < size)
             encode_field(format, &layout->fields[i], &whole, start);
     }
-    if (text)
-        memcpy(start + size, packet->message.text,
-               strnlen(packet->message.text, CIGI_TEXT_MAX - 1));
+    memcpy(start + size, packet->message.text, length);
     writer->size += size + text;
     return true;
 }
