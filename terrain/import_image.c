@@ -289,17 +289,20 @@ static void place_taps(double position, double width, int64_t begin, int64_t end
     int64_t first = (int64_t)floor(position - 2.0 * width) + 1;
     int64_t last = (int64_t)ceil(position + 2.0 * width) - 1;
     double sum = 0.0, inside = 0.0, all = 0.0;
+    ret_taps->first = first > begin ? first : begin;
+    ret_taps->last = last < end - 1 ? last : end - 1;
+    ret_taps->covered = 0.0;
+    if (ret_taps->first > ret_taps->last)
+        return; /* of a coarse tile most texels are beside the image */
     for (int64_t i = first; i <= last; i++) {
-        double triangle = fmax(1.0 - fabs((double)i - position) / width, 0.0);
+        double triangle = 1.0 - fabs((double)i - position) / width;
+        triangle = triangle > 0.0 ? triangle : 0.0; /* fmax is a call here */
         bool exists = i >= begin && i < end;
         if (exists)
-            sum += ret_taps->weights[i - (first > begin ? first : begin)] =
-                cubic((double)i - position, width);
+            sum += ret_taps->weights[i - ret_taps->first] = cubic((double)i - position, width);
         inside += exists ? triangle : 0.0;
         all += exists || !at_pole[i >= end] ? triangle : 0.0;
     }
-    ret_taps->first = first > begin ? first : begin;
-    ret_taps->last = last < end - 1 ? last : end - 1;
     ret_taps->covered = inside > 0.0 ? inside / all : 0.0;
     for (int64_t i = ret_taps->first; i <= ret_taps->last; i++)
         ret_taps->weights[i - ret_taps->first] /= sum;
@@ -362,11 +365,13 @@ static int add_part(struct raster *raster, const struct bands *bands,
         struct image_sum *sum = &sums[row * IMAGE_SIDE + col];
         if (isnan(raster->lon[i]) || !(sum->open > 0.0f))
             continue;
-        place_taps(raster->lon[i], part->spread.x, window.x, window.x + window.width, no_pole, &x);
         if (raster->lat[i] != held_y)
             place_taps(raster->lat[i], part->spread.y, window.y, window.y + window.height,
                        window.at_pole, &y);
         held_y = raster->lat[i];
+        if (y.covered == 0.0)
+            continue;
+        place_taps(raster->lon[i], part->spread.x, window.x, window.x + window.width, no_pole, &x);
         add_texel(&window, image_light_of(bands->kind), &x, &y, sum);
     }
     free(window.rgba);
