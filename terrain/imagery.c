@@ -158,12 +158,35 @@ static struct between place_between(double position)
     return (struct between){low, low < IMAGE_SIDE - 1 ? low + 1 : low, (float)(clamped - low)};
 }
 
+/* Light by alpha, and alpha, of a texel. */
+static void light_of(const struct image_light *light, const uint8_t *texel, float ret_sums[4])
+{
+    float alpha = (float)texel[3] / 255.0f;
+    for (int band = 0; band < 3; band++)
+        ret_sums[band] = alpha * light->linear[texel[band]];
+    ret_sums[3] = alpha;
+}
+
+/* The columns `first` to `last` between two rows of texels. */
+static void blend_rows(const struct image_light *light, const uint8_t *source, struct between y,
+                       int first, int last, float (*ret_sums)[4])
+{
+    for (int col = first; col <= last; col++) {
+        float low[4], high[4];
+        light_of(light, source + 4 * (y.low * IMAGE_SIDE + col), low);
+        light_of(light, source + 4 * (y.high * IMAGE_SIDE + col), high);
+        for (int i = 0; i < 4; i++)
+            ret_sums[col][i] = low[i] + y.fraction * (high[i] - low[i]);
+    }
+}
+
 /* A tile from an ancestor, bilinear. */
 static void enlarge(const struct imagery *imagery, const struct image_light *light,
                     struct tile_id from, const uint8_t *source, struct tile_id to,
                     uint8_t *ret_rgba)
 {
     struct between cols[IMAGE_SIDE];
+    float across_row[IMAGE_SIDE][4];
     int shift = (int)image_grid_lon_shift(&imagery->grid, to);
     int from_shift = (int)image_grid_lon_shift(&imagery->grid, from);
     double down = ldexp(1.0, to.level - from.level);
@@ -174,19 +197,12 @@ static void enlarge(const struct imagery *imagery, const struct image_light *lig
     for (int row = 0; row < IMAGE_SIDE; row++) {
         struct between y = place_between(((double)to.row * IMAGE_SIDE + row + 0.5) * down - 0.5 -
                                          (double)from.row * IMAGE_SIDE);
+        blend_rows(light, source, y, cols[0].low, cols[IMAGE_SIDE - 1].high, across_row);
         for (int col = 0; col < IMAGE_SIDE; col++) {
-            const struct between *x = &cols[col];
-            float sums[4] = {0.0f, 0.0f, 0.0f, 0.0f};
-            for (int i = 0; i < 4; i++) {
-                const uint8_t *texel = source + 4 * ((i / 2 ? y.high : y.low) * IMAGE_SIDE +
-                                                     (i % 2 ? x->high : x->low));
-                float weight = (i / 2 ? y.fraction : 1.0f - y.fraction) *
-                               (i % 2 ? x->fraction : 1.0f - x->fraction) * (float)texel[3] /
-                               255.0f;
-                sums[3] += weight;
-                for (int band = 0; band < 3; band++)
-                    sums[band] += weight * light->linear[texel[band]];
-            }
+            const float *low = across_row[cols[col].low], *high = across_row[cols[col].high];
+            float sums[4];
+            for (int i = 0; i < 4; i++)
+                sums[i] = low[i] + cols[col].fraction * (high[i] - low[i]);
             image_texel_from_light(light, sums, ret_rgba + 4 * (row * IMAGE_SIDE + col));
         }
     }
