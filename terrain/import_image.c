@@ -122,13 +122,14 @@ static int read_strip(struct raster *raster, const struct bands *bands, int x, i
                          height, GDT_UInt16, 0, 0) != CE_None)
             r = diag_set(diag, -EBADMSG, "%s cannot be read at rows %d to %d: %s", raster->path, y,
                          y + height - 1, CPLGetLastErrorMsg());
-    for (size_t i = 0; r == 0 && i < pixels; i++) {
-        const uint16_t pixel[4] = {values[i], values[pixels * (bands->count > 1) + i],
-                                   values[2 * pixels * (bands->count > 1) + i],
-                                   bands->band[3] ? values[3 * pixels + i] : 255};
-        pixel_from(bands, pixel,
-                   ret_rgba + 4 * (i / (size_t)width * (size_t)stride + i % (size_t)width));
-    }
+    const size_t next = bands->count > 1 ? pixels : 0; /* of a band's values */
+    for (int row = 0; r == 0 && row < height; row++)
+        for (int col = 0; col < width; col++) {
+            const uint16_t *at = values + (size_t)row * (size_t)width + col;
+            const uint16_t pixel[4] = {at[0], at[next], at[2 * next],
+                                       bands->band[3] ? at[3 * pixels] : 255};
+            pixel_from(bands, pixel, ret_rgba + 4 * ((size_t)row * (size_t)stride + (size_t)col));
+        }
     free(values);
     return r;
 }
