@@ -9,6 +9,7 @@
 #include <sysexits.h>
 #include <unistd.h>
 
+#include "daemon/channel_options.h"
 #include "daemon/cli.h"
 #include "daemon/geoid_function.h"
 #include "daemon/image_file.h"
@@ -22,18 +23,7 @@
 #define TILES_MIB       1024 /* of the GPU's memory, for the drawn reference */
 #define DIFFERENCE_GAIN 8.0  /* of the picture of differences */
 
-enum {
-    OPT_TERRAIN = 256,
-    OPT_GEOID,
-    OPT_SIZE,
-    OPT_PIXEL_ERROR,
-    OPT_RADIUS,
-    OPT_FRAMES,
-    OPT_PIXELS,
-    OPT_REFERENCE_STEP,
-    OPT_IMAGES,
-    OPT_NO_PICTURE
-};
+enum { OPT_RADIUS = 256, OPT_FRAMES, OPT_PIXELS, OPT_REFERENCE_STEP, OPT_IMAGES, OPT_NO_PICTURE };
 
 struct quality_options {
     struct channel_params channel;
@@ -44,10 +34,6 @@ struct quality_options {
 };
 
 static const struct argp_option known[] = {
-    {"terrain", OPT_TERRAIN, "DB", 0, "a terrain database (default: the embedded planet)", 0},
-    {"geoid", OPT_GEOID, "egm96|FILE", 0, "the geoid of heights above mean sea level", 0},
-    {"size", OPT_SIZE, "WxH", 0, "pixels (default 1024x576)", 0},
-    {"pixel-error", OPT_PIXEL_ERROR, "PX", 0, "error allowed on the screen (default 1)", 0},
     {"radius", OPT_RADIUS, "POSTS", 0,
      "of the clipmap's levels: 32, 64, 128 or 256 (default: by size and pixel error)", 0},
     {"frames", OPT_FRAMES, "N", 0, "evenly over the flight (default 60)", 0},
@@ -68,17 +54,8 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
     struct quality_options *options = state->input;
     struct channel_params *channel = &options->channel;
     switch (key) {
-    case OPT_TERRAIN:
-        channel->terrain_path = argument;
-        return 0;
-    case OPT_GEOID:
-        channel->geoid = argument;
-        return 0;
-    case OPT_SIZE:
-        cli_size(state, argument, &channel->width, &channel->height);
-        return 0;
-    case OPT_PIXEL_ERROR:
-        channel->pixel_error = cli_number(state, "pixel-error", argument, 0.1, 100.0);
+    case ARGP_KEY_INIT:
+        state->child_inputs[0] = &options->channel;
         return 0;
     case OPT_RADIUS:
         channel->radius = (int)cli_number(state, "radius", argument, 32.0, 256.0);
@@ -111,6 +88,7 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
 static const struct argp parser = {
     .options = known,
     .parser = parse_option,
+    .children = channel_children,
     .args_doc = "FLIGHT",
     .doc = "Measure how true the picture is, over a flight: how far the ground that pixels show "
            "is, on the screen, from the ground at full detail, which has no levels of detail; and "

@@ -7,6 +7,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "daemon/channel_options.h"
 #include "daemon/cli.h"
 #include "daemon/replay.h"
 #include "daemon/terrain_setup.h"
@@ -41,16 +42,7 @@ static const struct stability_flight flights[] = {
 #define FLIGHTS (sizeof(flights) / sizeof(flights[0]))
 #define LEVEL_S 40.0 /* of flights that neither climb nor sink */
 
-enum {
-    OPT_TERRAIN = 256,
-    OPT_GEOID,
-    OPT_AT,
-    OPT_SIZE,
-    OPT_PIXEL_ERROR,
-    OPT_FRAMES,
-    OPT_FLIGHT,
-    OPT_TECHNIQUE
-};
+enum { OPT_AT = 256, OPT_FRAMES, OPT_FLIGHT };
 
 struct stability_options {
     struct channel_params channel;
@@ -61,15 +53,10 @@ struct stability_options {
 };
 
 static const struct argp_option known[] = {
-    {"terrain", OPT_TERRAIN, "DB", 0, "a terrain database (default: the embedded planet)", 0},
-    {"geoid", OPT_GEOID, "egm96|FILE", 0, "the geoid of heights above mean sea level", 0},
     {"at", OPT_AT, "LAT,LON", 0,
      "where flights begin (default: in the middle of the database; in the Alps)", 0},
-    {"size", OPT_SIZE, "WxH", 0, "pixels (default 1024x576)", 0},
-    {"pixel-error", OPT_PIXEL_ERROR, "PX", 0, "error allowed on the screen (default 1)", 0},
     {"frames", OPT_FRAMES, "N", 0, "of each flight, held against the one before (default 120)", 0},
     {"flight", OPT_FLIGHT, "NAME", 0, "only this one", 0},
-    {"technique", OPT_TECHNIQUE, "NAME", 0, "how the terrain is drawn (clipmap)", 0},
     {"json", 'j', NULL, 0, "as JSON", 0},
     {0},
 };
@@ -98,31 +85,18 @@ static void parse_place(struct argp_state *state, const char *text, double *ret_
 static error_t parse_option(int key, char *argument, struct argp_state *state)
 {
     struct stability_options *options = state->input;
-    struct channel_params *channel = &options->channel;
     switch (key) {
-    case OPT_TERRAIN:
-        channel->terrain_path = argument;
-        return 0;
-    case OPT_GEOID:
-        channel->geoid = argument;
+    case ARGP_KEY_INIT:
+        state->child_inputs[0] = &options->channel;
         return 0;
     case OPT_AT:
         parse_place(state, argument, &options->lat_deg, &options->lon_deg);
-        return 0;
-    case OPT_SIZE:
-        cli_size(state, argument, &channel->width, &channel->height);
-        return 0;
-    case OPT_PIXEL_ERROR:
-        channel->pixel_error = cli_number(state, "pixel-error", argument, 0.1, 100.0);
         return 0;
     case OPT_FRAMES:
         options->frames = (unsigned)cli_number(state, "frames", argument, LEGS, 10000);
         return 0;
     case OPT_FLIGHT:
         options->only = find_flight(state, argument);
-        return 0;
-    case OPT_TECHNIQUE:
-        channel->technique = argument;
         return 0;
     case 'j':
         options->json = true;
@@ -135,6 +109,7 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
 static const struct argp parser = {
     .options = known,
     .parser = parse_option,
+    .children = channel_children,
     .doc = "Measure how still the ground stands: what moves on the screen from frame to frame that "
            "the camera's motion does not explain, in pixels, of all pixels that show ground that "
            "the frame before showed, too. Flights of 60 frames a second, in eight stretches; "
@@ -183,7 +158,8 @@ static int plan_open(const struct stability_options *options, struct plan *ret_p
         .fallback = database ? plan.terrain.fallback : plan.terrain.source,
     };
     *ret_plan = plan;
-    return query_create(&query, &ret_plan->query);
+    r = query_create(&query, &ret_plan->query);
+    return r < 0 ? diag_set(diag, r, "no memory for questions about the ground") : 0;
 }
 
 static void plan_close(struct plan *plan)

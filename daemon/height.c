@@ -150,8 +150,8 @@ int height_main(int argc, char **argv)
     struct query *query = NULL;
     struct geoid *geoid = NULL;
     int r = database_source_open(options.database, 256, &source, &diag);
-    if (r == 0)
-        r = query_create(&(struct query_params){.database = source}, &query);
+    if (r == 0 && (r = query_create(&(struct query_params){.database = source}, &query)) < 0)
+        diag_set(&diag, r, "no memory for questions about the ground");
     if (r == 0 && options.ellipsoid)
         r = geoid_setup_open("egm96", &geoid, &diag);
     if (r == 0 && options.lat) {

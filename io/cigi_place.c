@@ -116,7 +116,7 @@ static int entity_pose(const struct cigi_scene *scene, uint16_t id,
         return 0;
     }
     pose.position = (struct geodetic){entity->place[0], entity->place[1], entity->place[2]};
-    pose.attitude = entity->attitude;
+    pose.attitude = attitude_from_ned_quaternion(ned_quaternion_from_attitude(&entity->attitude));
     if (entity->moving)
         give_rates(entity, &pose);
     int r = clamp(entity, ground, &pose);
@@ -190,6 +190,8 @@ static void move_over_ground(double place[3], const double ned_mps[3], double dt
     place[2] = pose.position.height_m;
 }
 
+/* Pitch goes on beyond straight up: brought back within 90 degrees it would fall there and rise
+ * again, for ever. */
 static void turn(struct attitude *attitude, const struct cigi_rate *rate, double dt_s)
 {
     if (rate->local) {
@@ -200,10 +202,8 @@ static void turn(struct attitude *attitude, const struct cigi_rate *rate, double
         return;
     }
     attitude->roll_deg = longitude_normalised_deg(attitude->roll_deg + rate->roll_dps * dt_s);
-    attitude->pitch_deg += rate->pitch_dps * dt_s;
+    attitude->pitch_deg = longitude_normalised_deg(attitude->pitch_deg + rate->pitch_dps * dt_s);
     attitude->heading_deg = heading_normalised_deg(attitude->heading_deg + rate->yaw_dps * dt_s);
-    if (fabs(attitude->pitch_deg) > 90.0)
-        *attitude = attitude_from_ned_quaternion(ned_quaternion_from_attitude(attitude));
 }
 
 static void move(struct cigi_entity *entity, double dt_s)

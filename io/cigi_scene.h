@@ -19,8 +19,9 @@ struct cigi_entity {
     struct cigi_entity_control control; /* its `placement` is as it was sent */
     bool placed;                        /* in 4.0 the place comes in a packet of its own */
     double place[3];                    /* as moved by the rates: like control.placement.place */
-    struct attitude attitude;           /* likewise, in north-east-down or the parent's axes */
-    bool moving;                        /* by `rate` */
+    struct attitude attitude; /* likewise, in north-east-down or the parent's axes; its pitch may be
+                                 any, where rates have turned it */
+    bool moving;              /* by `rate` */
     struct cigi_rate rate;
     nsec_t time_ns; /* of place and attitude; 0: nobody has begun a frame with them */
 };

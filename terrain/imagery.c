@@ -8,14 +8,15 @@
 
 #include "terrain/database_internal.h"
 
-#define TILES_MIN 8 /* at most three are in use at once */
-#define NO_KEY    INT64_MIN
+#define TILES_MIN  8 /* at most three are in use at once */
+#define NO_KEY     INT64_MIN
+#define BARE_TILES 4096 /* a power of two */
 
 /* A tile of a layer or, under a layer number that no layer has, of all layers of a kind. */
 struct slot {
     int64_t key;
     uint64_t used;
-    bool empty; /* nothing is there: texels are not set */
+    bool empty; /* no layer has anything there: texels are not set */
     bool opaque;
     uint8_t *rgba;
 };
@@ -27,6 +28,7 @@ struct imagery {
     struct image_grid grid;
     struct slot *slots;
     unsigned slot_count;
+    int64_t bare[BARE_TILES]; /* tiles of layers that have nothing there, each in one place only */
     uint64_t clock, tiles_loaded, read_errors;
     float (*sums)[4]; /* of a tile's texels: light by alpha, and alpha */
 };
@@ -64,6 +66,8 @@ int imagery_open(const char *path, unsigned cache_tiles, struct imagery **ret_im
     imagery->slot_count = cache_tiles > TILES_MIN ? cache_tiles : TILES_MIN;
     for (unsigned i = 0; i < imagery->slot_count; i++)
         imagery->slots[i].key = NO_KEY;
+    for (int i = 0; i < BARE_TILES; i++)
+        imagery->bare[i] = NO_KEY;
     for (size_t i = 0; i < imagery->layers.count; i++)
         imagery->order[i] = &imagery->layers.layers[i];
     qsort(imagery->order, imagery->layers.count, sizeof(imagery->order[0]), by_priority);
@@ -154,12 +158,35 @@ static struct between place_between(double position)
     return (struct between){low, low < IMAGE_SIDE - 1 ? low + 1 : low, (float)(clamped - low)};
 }
 
+/* Light by alpha, and alpha, of a texel. */
+static void light_of(const struct image_light *light, const uint8_t *texel, float ret_sums[4])
+{
+    float alpha = (float)texel[3] / 255.0f;
+    for (int band = 0; band < 3; band++)
+        ret_sums[band] = alpha * light->linear[texel[band]];
+    ret_sums[3] = alpha;
+}
+
+/* The columns `first` to `last` between two rows of texels. */
+static void blend_rows(const struct image_light *light, const uint8_t *source, struct between y,
+                       int first, int last, float (*ret_sums)[4])
+{
+    for (int col = first; col <= last; col++) {
+        float low[4], high[4];
+        light_of(light, source + 4 * (y.low * IMAGE_SIDE + col), low);
+        light_of(light, source + 4 * (y.high * IMAGE_SIDE + col), high);
+        for (int i = 0; i < 4; i++)
+            ret_sums[col][i] = low[i] + y.fraction * (high[i] - low[i]);
+    }
+}
+
 /* A tile from an ancestor, bilinear. */
 static void enlarge(const struct imagery *imagery, const struct image_light *light,
                     struct tile_id from, const uint8_t *source, struct tile_id to,
                     uint8_t *ret_rgba)
 {
     struct between cols[IMAGE_SIDE];
+    float across_row[IMAGE_SIDE][4];
     int shift = (int)image_grid_lon_shift(&imagery->grid, to);
     int from_shift = (int)image_grid_lon_shift(&imagery->grid, from);
     double down = ldexp(1.0, to.level - from.level);
@@ -170,19 +197,12 @@ static void enlarge(const struct imagery *imagery, const struct image_light *lig
     for (int row = 0; row < IMAGE_SIDE; row++) {
         struct between y = place_between(((double)to.row * IMAGE_SIDE + row + 0.5) * down - 0.5 -
                                          (double)from.row * IMAGE_SIDE);
+        blend_rows(light, source, y, cols[0].low, cols[IMAGE_SIDE - 1].high, across_row);
         for (int col = 0; col < IMAGE_SIDE; col++) {
-            const struct between *x = &cols[col];
-            float sums[4] = {0.0f, 0.0f, 0.0f, 0.0f};
-            for (int i = 0; i < 4; i++) {
-                const uint8_t *texel = source + 4 * ((i / 2 ? y.high : y.low) * IMAGE_SIDE +
-                                                     (i % 2 ? x->high : x->low));
-                float weight = (i / 2 ? y.fraction : 1.0f - y.fraction) *
-                               (i % 2 ? x->fraction : 1.0f - x->fraction) * (float)texel[3] /
-                               255.0f;
-                sums[3] += weight;
-                for (int band = 0; band < 3; band++)
-                    sums[band] += weight * light->linear[texel[band]];
-            }
+            const float *low = across_row[cols[col].low], *high = across_row[cols[col].high];
+            float sums[4];
+            for (int i = 0; i < 4; i++)
+                sums[i] = low[i] + cols[col].fraction * (high[i] - low[i]);
             image_texel_from_light(light, sums, ret_rgba + 4 * (row * IMAGE_SIDE + col));
         }
     }
@@ -208,8 +228,24 @@ static bool is_opaque(const uint8_t *rgba)
     return least == 255;
 }
 
-/* The slot of a layer's nearest tile, an ancestor where there is none; NULL without memory. Above
- * the top there is nothing: what is there, is empty. */
+static bool is_transparent(const uint8_t *rgba)
+{
+    uint8_t most = 0;
+    for (int i = 3; i < IMAGE_BYTES; i += 4)
+        most |= rgba[i];
+    return most == 0;
+}
+
+/* Where a tile is remembered that a layer has nothing of: else each look at a place beside an image
+ * asks the file for all its levels, or makes the tile once more. */
+static int64_t *bare_place(struct imagery *imagery, int64_t key)
+{
+    uint64_t hash = (uint64_t)key * UINT64_C(0x9e3779b97f4a7c15);
+    return &imagery->bare[hash >> 32 & (BARE_TILES - 1)];
+}
+
+/* The slot of a layer's nearest tile, an ancestor where there is none; NULL where there is nothing
+ * up to the top, which is remembered, or no memory. */
 static struct slot *nearest_slot(struct imagery *imagery, const struct database_layer *layer,
                                  struct tile_id id, struct tile_id *ret_at)
 {
@@ -228,31 +264,45 @@ static struct slot *nearest_slot(struct imagery *imagery, const struct database_
             return NULL;
         int r = load(imagery, layer->id, at, slot->rgba);
         imagery->read_errors += r < 0;
-        if (r == 0 || at.level >= top) {
+        if (r == 0) {
             slot->key = key;
-            slot->empty = r != 0;
-            slot->opaque = r == 0 && is_opaque(slot->rgba);
+            slot->empty = false;
+            slot->opaque = is_opaque(slot->rgba);
             return slot;
         }
         slot->used = 0;
+        if (at.level >= top) {
+            key = image_key(layer->id, id);
+            *bare_place(imagery, key) = key;
+            return NULL;
+        }
     }
 }
 
+/* A layer's tile, made from an ancestor where it has none itself; NULL as above. */
 static struct slot *layer_slot(struct imagery *imagery, const struct database_layer *layer,
                                struct tile_id id)
 {
     struct tile_id at;
-    struct slot *target, *slot = find_slot(imagery, image_key(layer->id, id));
-    if (slot)
-        return slot;
-    slot = nearest_slot(imagery, layer, id, &at);
-    if (!slot || slot->empty || at.level == id.level)
+    int64_t key = image_key(layer->id, id);
+    struct slot *target, *slot;
+    if (*bare_place(imagery, key) == key)
+        return NULL;
+    slot = find_slot(imagery, key);
+    if (!slot)
+        slot = nearest_slot(imagery, layer, id, &at);
+    if (!slot || slot->key == key)
         return slot;
     target = take_slot(imagery);
     if (!target)
         return NULL;
     enlarge(imagery, image_light_of(layer->kind), at, slot->rgba, id, target->rgba);
-    target->key = image_key(layer->id, id);
+    if (is_transparent(target->rgba)) {
+        *bare_place(imagery, key) = key;
+        target->used = 0;
+        return NULL;
+    }
+    target->key = key;
     target->empty = false;
     target->opaque = is_opaque(target->rgba);
     return target;
@@ -262,7 +312,7 @@ const uint8_t *imagery_layer_tile(struct imagery *imagery, const struct database
                                   struct tile_id id)
 {
     const struct slot *slot = layer_slot(imagery, layer, id);
-    return slot && !slot->empty ? slot->rgba : NULL;
+    return slot ? slot->rgba : NULL;
 }
 
 /* Lays a layer under the sums. */
@@ -289,7 +339,7 @@ const uint8_t *imagery_tile(struct imagery *imagery, enum image_kind kind, struc
         if (imagery->order[i]->kind != kind)
             continue;
         const struct slot *one = layer_slot(imagery, imagery->order[i], id);
-        if (!one || one->empty)
+        if (!one)
             continue;
         if (!any && one->opaque)
             return one->rgba; /* nothing below it shows */

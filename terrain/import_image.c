@@ -122,13 +122,14 @@ static int read_strip(struct raster *raster, const struct bands *bands, int x, i
                          height, GDT_UInt16, 0, 0) != CE_None)
             r = diag_set(diag, -EBADMSG, "%s cannot be read at rows %d to %d: %s", raster->path, y,
                          y + height - 1, CPLGetLastErrorMsg());
-    for (size_t i = 0; r == 0 && i < pixels; i++) {
-        const uint16_t pixel[4] = {values[i], values[pixels * (bands->count > 1) + i],
-                                   values[2 * pixels * (bands->count > 1) + i],
-                                   bands->band[3] ? values[3 * pixels + i] : 255};
-        pixel_from(bands, pixel,
-                   ret_rgba + 4 * (i / (size_t)width * (size_t)stride + i % (size_t)width));
-    }
+    const size_t next = bands->count > 1 ? pixels : 0; /* of a band's values */
+    for (int row = 0; r == 0 && row < height; row++)
+        for (int col = 0; col < width; col++) {
+            const uint16_t *at = values + (size_t)row * (size_t)width + col;
+            const uint16_t pixel[4] = {at[0], at[next], at[2 * next],
+                                       bands->band[3] ? at[3 * pixels] : 255};
+            pixel_from(bands, pixel, ret_rgba + 4 * ((size_t)row * (size_t)stride + (size_t)col));
+        }
     free(values);
     return r;
 }
@@ -289,17 +290,20 @@ static void place_taps(double position, double width, int64_t begin, int64_t end
     int64_t first = (int64_t)floor(position - 2.0 * width) + 1;
     int64_t last = (int64_t)ceil(position + 2.0 * width) - 1;
     double sum = 0.0, inside = 0.0, all = 0.0;
+    ret_taps->first = first > begin ? first : begin;
+    ret_taps->last = last < end - 1 ? last : end - 1;
+    ret_taps->covered = 0.0;
+    if (ret_taps->first > ret_taps->last)
+        return; /* of a coarse tile most texels are beside the image */
     for (int64_t i = first; i <= last; i++) {
-        double triangle = fmax(1.0 - fabs((double)i - position) / width, 0.0);
+        double triangle = 1.0 - fabs((double)i - position) / width;
+        triangle = triangle > 0.0 ? triangle : 0.0; /* fmax is a call here */
         bool exists = i >= begin && i < end;
         if (exists)
-            sum += ret_taps->weights[i - (first > begin ? first : begin)] =
-                cubic((double)i - position, width);
+            sum += ret_taps->weights[i - ret_taps->first] = cubic((double)i - position, width);
         inside += exists ? triangle : 0.0;
         all += exists || !at_pole[i >= end] ? triangle : 0.0;
     }
-    ret_taps->first = first > begin ? first : begin;
-    ret_taps->last = last < end - 1 ? last : end - 1;
     ret_taps->covered = inside > 0.0 ? inside / all : 0.0;
     for (int64_t i = ret_taps->first; i <= ret_taps->last; i++)
         ret_taps->weights[i - ret_taps->first] /= sum;
@@ -362,11 +366,13 @@ static int add_part(struct raster *raster, const struct bands *bands,
         struct image_sum *sum = &sums[row * IMAGE_SIDE + col];
         if (isnan(raster->lon[i]) || !(sum->open > 0.0f))
             continue;
-        place_taps(raster->lon[i], part->spread.x, window.x, window.x + window.width, no_pole, &x);
         if (raster->lat[i] != held_y)
             place_taps(raster->lat[i], part->spread.y, window.y, window.y + window.height,
                        window.at_pole, &y);
         held_y = raster->lat[i];
+        if (y.covered == 0.0)
+            continue;
+        place_taps(raster->lon[i], part->spread.x, window.x, window.x + window.width, no_pole, &x);
         add_texel(&window, image_light_of(bands->kind), &x, &y, sum);
     }
     free(window.rgba);

@@ -16,8 +16,8 @@ struct import_source {
     const struct import_options *options;
     struct raster_facts facts;
     uint64_t bytes;
-    int64_t time_s; /* of its last change */
-    bool done;      /* in the database already */
+    int64_t time_ns; /* of its last change */
+    bool done;       /* in the database already */
     int level, id;
     bool exact;
 };

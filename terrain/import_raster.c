@@ -389,12 +389,12 @@ int raster_expand(const char *path, int (*function)(void *user, const char *path
     return r;
 }
 
-int raster_file_state(const char *path, uint64_t *ret_bytes, int64_t *ret_time_s)
+int raster_file_state(const char *path, uint64_t *ret_bytes, int64_t *ret_time_ns)
 {
     VSIStatBufL status;
     if (VSIStatL(path, &status) != 0)
         return -ENOENT;
     *ret_bytes = (uint64_t)status.st_size;
-    *ret_time_s = (int64_t)status.st_mtime;
+    *ret_time_ns = status.st_mtim.tv_sec * INT64_C(1000000000) + status.st_mtim.tv_nsec;
     return 0;
 }

@@ -90,4 +90,4 @@ int raster_expand(const char *path, int (*function)(void *user, const char *path
                   struct diag *diag);
 
 /* Size and time of last change of a file, a vsi path or a zip's member. */
-int raster_file_state(const char *path, uint64_t *ret_bytes, int64_t *ret_time_s);
+int raster_file_state(const char *path, uint64_t *ret_bytes, int64_t *ret_time_ns);

@@ -28,7 +28,7 @@ static void add_options_to_key(const struct import_options *options, char *key, 
 
 static int fill_key(struct import_source *source, bool imagery, struct diag *diag)
 {
-    if (raster_file_state(source->path, &source->bytes, &source->time_s) < 0)
+    if (raster_file_state(source->path, &source->bytes, &source->time_ns) < 0)
         return diag_set(diag, -ENOENT, "%s: No such file or directory", source->path);
     char *real = realpath(source->path, NULL);
     const char *path = real ? real : source->path;
@@ -38,7 +38,7 @@ static int fill_key(struct import_source *source, bool imagery, struct diag *dia
     if (r == 0) {
         source->key_file_length = (size_t)snprintf(
             source->key, sizeof(source->key), "%.*s %llu %lld ", DATABASE_NAME_MAX - 1, path,
-            (unsigned long long)source->bytes, (long long)source->time_s);
+            (unsigned long long)source->bytes, (long long)source->time_ns);
         if (!imagery)
             snprintf(source->key + source->key_file_length,
                      sizeof(source->key) - source->key_file_length, "%s %d",
@@ -52,11 +52,11 @@ static int fill_key(struct import_source *source, bool imagery, struct diag *dia
 int import_check_source(const struct import_source *source, struct diag *diag)
 {
     uint64_t bytes;
-    int64_t time_s;
-    if (raster_file_state(source->path, &bytes, &time_s) < 0)
+    int64_t time_ns;
+    if (raster_file_state(source->path, &bytes, &time_ns) < 0)
         return diag_set(diag, -ENOENT, "%s is gone: it was there when the import began",
                         source->path);
-    if (bytes != source->bytes || time_s != source->time_s)
+    if (bytes != source->bytes || time_ns != source->time_ns)
         return diag_set(diag, -ESTALE,
                         "%s has changed since the import began (%llu bytes, now %llu): run it "
                         "again",

@@ -12,8 +12,8 @@
 #include "terrain/parallel.h"
 #include "terrain/undulation.h"
 
-#define WGS84_A      6378137.0
-#define CHUNK_PLACES 256 /* that a worker takes at a time */
+#define RADIUS_MOST  6399594.0 /* of curvature, at the poles */
+#define CHUNK_PLACES 256       /* that a worker takes at a time */
 #define CHUNK_POSTS  (4 * REFERENCE_COLUMNS)
 
 /* A worker's. */
@@ -74,7 +74,7 @@ int reference_level(const struct reference *reference)
 int reference_level_for(const struct clipmap_shape *shape, double step_m)
 {
     int level = 0;
-    while (level < shape->levels - 1 && WGS84_A * clipmap_step_rad(shape, level + 1) <= step_m)
+    while (level < shape->levels - 1 && RADIUS_MOST * clipmap_step_rad(shape, level + 1) <= step_m)
         level++;
     return level;
 }

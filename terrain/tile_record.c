@@ -16,7 +16,8 @@
 int64_t tile_key(struct tile_id id)
 {
     int64_t row = (int64_t)id.row + ROW_BIAS, col = id.col;
-    return (int64_t)id.level << 48 | row >> 3 << 27 | col >> 3 << 6 | (row & 7) << 3 | (col & 7);
+    int64_t level = id.level * (INT64_C(1) << 48); /* of a key that rotted it may be below 0 */
+    return level | row >> 3 << 27 | col >> 3 << 6 | (row & 7) << 3 | (col & 7);
 }
 
 struct tile_id tile_id_from_key(int64_t key)

@@ -6,8 +6,11 @@
 #include <gdal.h>
 #include <math.h>
 #include <ogr_srs_api.h>
+#include <poll.h>
+#include <signal.h>
 #include <stdarg.h>
 #include <stdint.h>
+#include <sys/pidfd.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -44,6 +47,28 @@ static inline int run(const char *format, ...)
     output[size] = '\0';
     int status = pclose(pipe);
     return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+}
+
+/* Lets an import with these options run for so long and kills it then; true where it was not done
+ * before. */
+static inline bool kill_after(double seconds, const char *const options[])
+{
+    const char *arguments[16] = {"otwd-import"};
+    for (int i = 0; options[i]; i++)
+        arguments[i + 1] = options[i];
+    int status = 0;
+    pid_t child = fork();
+    if (child == 0) {
+        execv(getenv("OTWD_IMPORT"), (char *const *)arguments);
+        _exit(127);
+    }
+    struct pollfd ended = {.fd = pidfd_open(child, 0), .events = POLLIN};
+    const struct timespec limit = {(time_t)seconds, (long)(fmod(seconds, 1.0) * 1e9)};
+    ppoll(&ended, 1, &limit, NULL);
+    close(ended.fd);
+    kill(child, SIGKILL);
+    waitpid(child, &status, 0);
+    return WIFSIGNALED(status);
 }
 
 static inline void check_run(int status, int expected)

@@ -10,8 +10,10 @@
 #include "render/renderer.h"
 #include "tests/check.h"
 
+#ifndef WIDTH
 #define WIDTH  320
 #define HEIGHT 180
+#endif
 
 /* Ground as a formula: the height is above the ellipsoid, for there is no geoid here. */
 struct formula {
@@ -67,14 +69,33 @@ static inline double flat_ground(double lat_deg, double lon_deg)
     return 100.0;
 }
 
-/* Waves of many lengths: every level differs from the next. */
+/* Of an angle. */
+struct turned {
+    double sine, cosine;
+};
+
+static inline struct turned turned_by(struct turned a, struct turned b)
+{
+    return (struct turned){a.sine * b.cosine + a.cosine * b.sine,
+                           a.cosine * b.cosine - a.sine * b.sine};
+}
+
+/* Waves of many lengths: every level differs from the next. The angles of an octave are twice those
+ * before, 1 and 2 radians on: the formula is what most of a test's time goes into. */
 static inline double rugged_ground(double lat_deg, double lon_deg)
 {
-    double height_m = 800.0;
-    for (int octave = 0; octave < 12; octave++) {
-        double waves = 2.0 * M_PI * 10.0 * (1 << octave);
-        height_m += 300.0 / (1 << octave) * sin(waves * lat_deg + octave) *
-                    cos(waves * 0.8 * lon_deg + 2.0 * octave);
+    const struct turned one = {0.8414709848078965, 0.5403023058681398};
+    const struct turned two = turned_by(one, one);
+    double x = 20.0 * M_PI * lat_deg, y = 16.0 * M_PI * lon_deg;
+    struct turned lat = {sin(x), cos(x)}, lon = {sin(y), cos(y)};
+    struct turned shift = {0.0, 1.0}, twice = {0.0, 1.0};
+    double height_m = 800.0, wave_m = 300.0;
+    for (int octave = 0; octave < 12; octave++, wave_m *= 0.5) {
+        height_m += wave_m * turned_by(lat, shift).sine * turned_by(lon, twice).cosine;
+        lat = turned_by(lat, lat);
+        lon = turned_by(lon, lon);
+        shift = turned_by(shift, one);
+        twice = turned_by(twice, two);
     }
     return height_m;
 }

@@ -214,6 +214,29 @@ static void test_rates(void)
     pair_end();
 }
 
+/* Rates of the angles go on past straight up: half a turn brings it onto its back. */
+static void test_loop(void)
+{
+    struct cigi_packet ship = entity_at(0, LAT_DEG, LON_DEG, 1500.0), rate = {.kind = CIGI_RATE};
+    rate.rate.pitch_dps = 60.0f;
+    pair_operate(little_3);
+    exchange(&ship);
+    exchange(&rate);
+    for (int frame = 0; frame < 120; frame++)
+        exchange(NULL);
+    struct pose pose = pose_of(0);
+    CHECK_NEAR(pose.attitude.pitch_deg, 60.0, 1e-4);
+    CHECK_NEAR(pose.attitude.heading_deg, 180.0, 1e-4);
+    CHECK_NEAR(fabs(pose.attitude.roll_deg), 180.0, 1e-4);
+    for (int frame = 0; frame < 180; frame++)
+        exchange(NULL);
+    pose = pose_of(0);
+    CHECK_NEAR(pose.attitude.pitch_deg, -60.0, 1e-4);
+    CHECK_NEAR(remainder(pose.attitude.heading_deg, 360.0), 0.0, 1e-4);
+    CHECK_NEAR(pose.attitude.roll_deg, 0.0, 1e-4);
+    pair_end();
+}
+
 /* With extrapolation a place counts from when it came, not from the frame that shows it. */
 static void test_extrapolation(void)
 {
@@ -465,6 +488,7 @@ int main(void)
         {"attachment has a depth that ends", test_depth},
         {"entities are clamped to the ground and to its slope", test_clamps},
         {"rates move an entity along the Earth, or along its own axes", test_rates},
+        {"rates of angles go on over the top", test_loop},
         {"extrapolation counts from the arrival", test_extrapolation},
         {"rates turn a child in its parent's axes", test_turning_child},
         {"4.0 makes an entity and places it apart", test_entities_4},

@@ -2,6 +2,7 @@
  */
 #include <gdal.h>
 
+#include "terrain/database_internal.h"
 #include "tests/imagery_fixture.h"
 
 #define RAD (M_PI / 180.0)
@@ -229,6 +230,40 @@ static void test_priorities(void)
     CHECK_INT(verify(in("mosaic.db")), 0);
 }
 
+static int count_statement(unsigned what, void *user, void *statement, void *text)
+{
+    (void)what, (void)statement, (void)text;
+    ++*(int *)user;
+    return 0;
+}
+
+/* To and fro between tiles that the upper layer has nothing of, where its image is near and on the
+ * other side of the Earth: the file is asked once. */
+static void test_beside_an_image(void)
+{
+    static const struct made globe = {720, 360, -180.0, 90.0, 0.5, -0.5, 4326, GDT_Byte, NAN, 0.0};
+    static const double far_deg[][2] = {{20.0, 30.0}, {-20.0, -150.0}};
+    new_database("beside.db");
+    make_image(in("beside.tif"), &globe, 3, green);
+    make_image(in("red.tif"), &image_east, 3, red);
+    add("--layer globe --priority -1", "beside.tif", "beside.db");
+    add("", "red.tif", "beside.db");
+    struct imagery *imagery = open_imagery(in("beside.db"));
+    for (size_t i = 0; i < sizeof(far_deg) / sizeof(far_deg[0]); i++) {
+        int asked = 0;
+        for (int look = 0; look < 100; look++) {
+            if (look == 2)
+                sqlite3_trace_v2(imagery_database(imagery)->sql, SQLITE_TRACE_STMT, count_statement,
+                                 &asked);
+            check_seen(imagery, far_deg[i][0], far_deg[i][1] + 3.0 * (look & 1),
+                       (int[4]){0, 180, 0, 255}, 0);
+        }
+        CHECK_INT(asked, 0);
+        sqlite3_trace_v2(imagery_database(imagery)->sql, 0, NULL, NULL);
+    }
+    imagery_close(imagery);
+}
+
 /* An edge that runs through texels is soft; two images that touch there close without a seam. */
 static void test_edges(void)
 {
@@ -454,6 +489,7 @@ static const struct check_test tests[] = {
     {"every texel of the globe shows its place, through all bands, to the poles", test_globe},
     {"coarser texels and posts are means of linear light", test_filter},
     {"higher layers cover lower ones, as far as alpha lets them", test_priorities},
+    {"beside an image the file is not asked again and again", test_beside_an_image},
     {"edges are soft, and images that touch close", test_edges},
     {"what is marked as missing is transparent", test_nodata},
     {"images lie across the antimeridian", test_antimeridian},

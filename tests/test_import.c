@@ -1,7 +1,9 @@
 /* The import program on rasters made here with GDAL. */
 #include <errno.h>
+#include <fcntl.h>
 #include <gdal.h>
 #include <ogr_srs_api.h>
+#include <sys/stat.h>
 
 #include "geo/egm96.h"
 #include "geo/geographic.h"
@@ -40,6 +42,24 @@ static void test_again(void)
     CHECK_INT(verify(in("hills.db")), 0);
     check_run(run("'%s' -o '%s' --max-error 3", in("hills.tif"), in("hills.db")), 64);
     CHECK_CONTAINS(output, "--max-error 0.5");
+}
+
+/* A raster that is written anew within a second, with as many bytes, is another. */
+static void test_soon_again(void)
+{
+    const struct timespec times[2] = {{.tv_nsec = UTIME_OMIT}, {1700000000, 250000000}};
+    struct terrain_source *source;
+    make_raster(in("soon.tif"), &ten_east, hills);
+    CHECK_INT(utimensat(AT_FDCWD, in("soon.tif"), times, 0), 0);
+    check_run(run("'%s' -o '%s' -q", in("soon.tif"), in("soon.db")), 0);
+    make_raster(in("soon.tif"), &ten_east, hundred);
+    const struct timespec later[2] = {{.tv_nsec = UTIME_OMIT}, {1700000000, 750000000}};
+    CHECK_INT(utimensat(AT_FDCWD, in("soon.tif"), later, 0), 0);
+    check_run(run("'%s' -o '%s' --json -q", in("soon.tif"), in("soon.db")), 0);
+    CHECK_CONTAINS(output, "\"sources_skipped\": 0");
+    source = open_source(in("soon.db"));
+    CHECK(source && height_at(source, 45.5, 10.6) == 100.0);
+    terrain_source_destroy(source);
 }
 
 static double pond(double lon, double lat)
@@ -457,6 +477,7 @@ static void test_refused_step(void)
 static const struct check_test tests[] = {
     {"posts of a geographic raster are stored exactly", test_exact},
     {"a source that is there already is skipped", test_again},
+    {"a source that is soon written anew is another", test_soon_again},
     {"a source that is read otherwise replaces itself", test_again_otherwise},
     {"a source that is laid elsewhere leaves nothing behind", test_again_elsewhere},
     {"higher priority covers, its voids are filled from below", test_priority},

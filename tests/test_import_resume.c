@@ -1,14 +1,16 @@
 /* Imports that do not come through in one go: killed, spread over several machines, out of disk. */
 #include <errno.h>
 #include <gdal.h>
-#include <signal.h>
 #include <sys/resource.h>
 
+#include "base/clock.h"
 #include "tests/import_fixture.h"
+
+static double whole_s; /* that an import of big.tif takes */
 
 static void test_rasters(void)
 {
-    struct made fine = {3601, 2401, 10.0, 46.0, 1 / 3600.0, -1 / 3600.0, 4326, GDT_Int16, NAN, 0.0};
+    struct made fine = {2401, 1601, 10.0, 46.0, 1 / 3600.0, -1 / 3600.0, 4326, GDT_Int16, NAN, 0.0};
     struct made utm = {300, 300, 500000.0, 5230000.0, 100.0, -100.0, 32632, GDT_Float32, NAN, 0.0};
     char command[1200];
     make_raster(in("hills.tif"), &ten_east, hills);
@@ -16,7 +18,9 @@ static void test_rasters(void)
     make_raster(in("utm.tif"), &utm, slope_utm);
     snprintf(command, sizeof(command), "head -c 60000 '%s' > '%s'", in("hills.tif"), in("cut.tif"));
     CHECK_INT(system(command), 0);
-    check_run(run("'%s' -o '%s' -q", in("big.tif"), in("whole.db")), 0);
+    nsec_t begun_ns = clock_monotonic_ns();
+    check_run(run("'%s' -o '%s' -q -j 2", in("big.tif"), in("whole.db")), 0);
+    whole_s = seconds_from_ns(clock_monotonic_ns() - begun_ns);
     CHECK_INT(verify(in("whole.db")), 0);
 }
 
@@ -63,20 +67,10 @@ static void remove_part(const char *path)
     CHECK_INT(system(command), 0);
 }
 
-/* Begins an import and kills it after a while; true where it was not done by then. */
-static bool kill_after(const char *source, const char *database, useconds_t us)
+static bool kill_big_after(double seconds)
 {
-    int status = 0;
-    pid_t child = fork();
-    if (child == 0) {
-        execl(getenv("OTWD_IMPORT"), "otwd-import", source, "-o", database, "-q", "-j", "2",
-              (char *)NULL);
-        _exit(127);
-    }
-    usleep(us);
-    kill(child, SIGKILL);
-    waitpid(child, &status, 0);
-    return WIFSIGNALED(status);
+    const char *options[] = {in("big.tif"), "-o", in("resumed.db"), "-q", "-j", "2", NULL};
+    return kill_after(seconds, options);
 }
 
 /* Killed at random times until it comes through: the bytes are those of one run. */
@@ -90,7 +84,12 @@ static void test_resume(void)
         remove_part(in("resumed.db"));
         for (int attempt = 0; attempt < 100; attempt++) {
             seed = seed * 1664525u + 1013904223u;
-            if (!kill_after(in("big.tif"), in("resumed.db"), 5000 + (seed >> 8) % 900000))
+            nsec_t begun_ns = clock_monotonic_ns();
+            bool was_killed = kill_big_after(0.005 + 1.1 * whole_s * (seed >> 8) / (1 << 24));
+            double took_s = seconds_from_ns(clock_monotonic_ns() - begun_ns);
+            if (attempt == 0) /* the machine may be more or less busy now */
+                whole_s = was_killed ? fmax(whole_s, took_s) : took_s;
+            if (!was_killed)
                 break;
             killed++;
             int r = database_open(in("resumed.db"), &database, &diag);
@@ -108,9 +107,8 @@ static void test_resume(void)
     CHECK_INT(verify(in("resumed.db")), 0);
     remove_part(in("resumed.db"));
     /* However fast the machine is: later and later, until there is something to go on with. */
-    for (useconds_t us = 50000; us < 5000000; us += 25000) {
-        if (kill_after(in("big.tif"), in("resumed.db"), us) &&
-            access(in("resumed.db.part"), F_OK) == 0)
+    for (double seconds = 0.05; seconds < 5.0; seconds += 0.025) {
+        if (kill_big_after(seconds) && access(in("resumed.db.part"), F_OK) == 0)
             break;
         remove_part(in("resumed.db"));
     }

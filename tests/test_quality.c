@@ -139,6 +139,22 @@ static void memory_changes_nothing_but_time(void)
     close_scene(&scene);
 }
 
+/* Posts lie farthest apart at the poles, where the Earth is flattest. */
+static void no_posts_are_farther_apart_than_was_asked(void)
+{
+    const struct clipmap_shape shape = clipmap_shape(32, 4, 1.0 / 98304.0);
+    const struct geodetic pole = {90.0, 0.0, 0.0};
+    for (int level = 1; level < shape.levels; level++) {
+        double asked_m = 1.001 * 6378137.0 * clipmap_step_rad(&shape, level);
+        int found = reference_level_for(&shape, asked_m);
+        CHECK(found >= level - 1);
+        struct geodetic next = {90.0 - clipmap_step_rad(&shape, found) * 180.0 / M_PI, 0.0, 0.0};
+        double enu_m[3];
+        enu_from_geodetic(&pole, &next, enu_m);
+        CHECK(hypot(enu_m[0], enu_m[1]) <= asked_m);
+    }
+}
+
 static void the_ratio_is_houskas(void)
 {
     uint8_t a[400], b[400];
@@ -157,6 +173,7 @@ int main(void)
 {
     static const struct check_test tests[] = {
         {"the ratio is Houska's", the_ratio_is_houskas},
+        {"no posts are farther apart than was asked", no_posts_are_farther_apart_than_was_asked},
         {"a tilted plane has no error", a_tilted_plane_has_no_error},
         {"a lift of the ground is the error", a_lift_of_the_ground_is_the_error},
         {"a finer mesh is nearer to the ground", a_finer_mesh_is_nearer_to_the_ground},

@@ -74,6 +74,7 @@ expect() {
 expect 64 'FLIGHT'
 expect 64 'power of two' --radius 100 flight.csv
 expect 64 'a number from 32 to 256' --radius 512 flight.csv
+expect 64 '"quadtrees"' --technique quadtrees flight.csv
 expect 66 'absent.csv' absent.csv
 expect 66 'absent.db' --terrain absent.db flight.csv
 printf 'no flight\n' >none.csv

@@ -5,7 +5,7 @@
 modbus=$(free_port)
 write_flight flight.csv
 cat >otwd.yaml <<YAML
-display: {width: 160, height: 90, rate_hz: 20}
+display: {width: 160, height: 90, rate_hz: 5}
 sources:
   - {name: bus, type: canaerospace, interface: "sim:$scratch/bus", altitude: ellipsoid}
 health: {modbus: {listen: "127.0.0.1:$modbus"}}

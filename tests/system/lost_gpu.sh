@@ -2,6 +2,7 @@
 # The GPU is reset: the renderer is made anew and goes on from where the aircraft is; twice within a
 # minute it ends with status 69. And what is said where there is no OpenGL 4.5 at all.
 . "$(dirname "$0")/common.sh"
+lose="$LOSE_GPU${LD_PRELOAD:+:$LD_PRELOAD}"
 
 port=$(free_port)
 modbus=$(free_port)
@@ -16,7 +17,7 @@ write_flight flight.csv
 
 # Two resets: after about 3 seconds, and eight seconds later.
 start send.log "$OTWD" send flight.csv --to "udp://127.0.0.1:$port" --rate 30
-LD_PRELOAD="$LOSE_GPU" LOSE_AT=60,220 start_daemon otwd.yaml
+LD_PRELOAD="$lose" LOSE_AT=60,220 start_daemon otwd.yaml
 wait_for 10 near lat_deg 46.51 1e-6 || fail "the daemon does not fly"
 wait_for 10 logged "fault=306" || fail "the log does not tell of the reset"
 logged "made anew, for the 1. time" || fail "the log does not count the resets"
@@ -32,7 +33,7 @@ logged "again within a minute" || fail "the log does not tell of the second rese
 grep -c 'drawing with OpenGL' otwd.log | grep -qx 2 || fail "the renderer was not made twice"
 
 # A replay says so and ends.
-LD_PRELOAD="$LOSE_GPU" LOSE_AT=12 "$OTWD" replay -q --speed max --rate 10 --size 64x36 --frames out \
+LD_PRELOAD="$lose" LOSE_AT=12 "$OTWD" replay -q --speed max --rate 10 --size 64x36 --frames out \
     flight.csv 2>replay.log
 [ $? -eq 69 ] || fail "a replay whose GPU is lost does not end with 69"
 grep -q 'the GPU was reset or ran out of memory, at frame' replay.log ||
