@@ -131,7 +131,9 @@ static const double *place_in_parent(const struct cigi_scene *scene,
         const struct cigi_entity *entity = cigi_scene_entity(scene, request->object);
         if (!entity || !entity->control.placement.attach)
             return NULL;
-        *ret_attitude = entity->attitude;
+        /* A pitch rate may have taken it over the top. */
+        *ret_attitude =
+            attitude_from_ned_quaternion(ned_quaternion_from_attitude(&entity->attitude));
         return entity->place;
     }
     if (request->of == CIGI_OF_PART) {
