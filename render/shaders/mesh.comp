@@ -187,7 +187,12 @@ void draw_large(vec4 a, vec4 b, vec4 c, ivec2 first, ivec2 last)
 // Whether a triangle is to be counted; with RASTER it is drawn.
 bool is_kept(vec4 a, vec4 b, vec4 c)
 {
-    vec2 first, last;
+    vec2 across = scene.view_rays.zw - scene.view_rays.xy, first, last;
+    if (across.x * across.y < 0.0) { // a mirror turns triangles round
+        vec4 d = b;
+        b = c;
+        c = d;
+    }
     if (!bounds_of(a, b, c, first, last))
         return false;
 #if RASTER
