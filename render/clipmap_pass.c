@@ -13,56 +13,9 @@
 #include "render/program.h"
 #include "terrain/level_store.h"
 
-/* By software draws are small and handed over one by one: one is rasterised while the next one's
- * vertices are gone through. */
-#define SOFTWARE_BLOCKS 128
-#define BLOCKS_LEAST    512  /* of a level, that there is room for */
 #define UPLOAD_GROUP    64   /* texels of a work group of upload.comp, blocks of bounds.comp */
 #define UPLOAD_GROUPS_X 1024 /* work groups side by side */
 #define UPLOAD_RECTS    (3 * LOADER_MAX_STRIPS)
-
-/* The uniform block is bound by the renderer; these are the storage blocks of reach.comp,
- * select.comp and mesh.comp. */
-enum {
-    STORAGE_SPLITS,
-    STORAGE_DRAWS,
-    STORAGE_BLOCKS,
-    STORAGE_REACHES,
-    STORAGE_VERTICES,
-    STORAGE_INDICES,
-    STORAGES
-};
-
-#define BLOCK_BYTES  (8 * sizeof(GLint)) /* as select.comp writes one */
-#define VERTEX_BYTES (4 * sizeof(GLfloat))
-
-struct draw_command {
-    GLuint indices, instances, first, base_vertex, base_instance;
-};
-
-struct draw_list {
-    GLuint groups[3]; /* of mesh.comp */
-    GLuint triangles; /* that it made */
-    struct draw_command draws[];
-};
-
-/* What there is room for of a block's, with all edges doubled: as in mesh.comp. */
-static unsigned block_vertices(const struct clipmap_shape *shape)
-{
-    return (unsigned)((shape->block + 1) * (shape->block + 1) + 4 * shape->block);
-}
-
-/* How many may be listed. */
-static unsigned blocks_most(const struct clipmap_shape *shape)
-{
-    unsigned across = (unsigned)(shape->radius / shape->block), a_level = 2 * across * across;
-    return (a_level > BLOCKS_LEAST ? a_level : BLOCKS_LEAST) * (unsigned)shape->levels;
-}
-
-static unsigned block_indices(const struct clipmap_shape *shape)
-{
-    return (unsigned)(3 * (2 * shape->block * shape->block + 4 * shape->block));
-}
 
 /* As upload.comp has it: one rectangle of one texture. */
 struct upload_rect {
@@ -89,14 +42,9 @@ struct upload {
 struct clipmap_pass {
     struct clipmap_shape shape;
     size_t update_bytes;
-    bool software;
-    GLuint program, upload_program, bounds_program;
-    GLuint reach_program, split_program, list_program, mesh_program, raster_program;
-    GLuint counted; /* a buffer that is mapped: how many triangles were made */
-    const GLuint *triangles;
-    GLuint vertex_array, heights, surfaces, bounds, ground;
-    GLuint storages[STORAGES]; /* buffers that the GPU alone uses */
-    unsigned draw_count, blocks_a_draw;
+    struct block_mesh *mesh;
+    GLuint upload_program, bounds_program;
+    GLuint heights, surfaces, bounds, ground;
     struct mapped_buffer arenas;        /* LOADER_UPDATES parts, which the loader writes */
     struct mapped_buffer upload_blocks; /* a part for each arena */
     struct upload uploads[LOADER_UPDATES];
@@ -121,54 +69,10 @@ static GLuint create_array(const struct clipmap_shape *shape, GLint side, GLenum
     return texture;
 }
 
-static GLuint create_buffer(size_t bytes, const void *contents)
-{
-    GLuint buffer;
-    glCreateBuffers(1, &buffer);
-    glNamedBufferStorage(buffer, (GLsizeiptr)bytes, contents, 0);
-    return buffer;
-}
-
-/* Every draw takes the triangles of so many blocks from where those of the one before end. */
-static int create_draws(struct clipmap_pass *pass)
-{
-    size_t bytes = sizeof(struct draw_list) + pass->draw_count * sizeof(struct draw_command);
-    struct draw_list *list = calloc(1, bytes);
-    if (!list)
-        return -ENOMEM;
-    list->groups[1] = list->groups[2] = 1;
-    for (unsigned i = 0; i < pass->draw_count; i++)
-        list->draws[i] = (struct draw_command){
-            .instances = 1, .first = i * pass->blocks_a_draw * block_indices(&pass->shape)};
-    pass->storages[STORAGE_DRAWS] = create_buffer(bytes, list);
-    free(list);
-    return 0;
-}
-
-static int create_counter(struct clipmap_pass *pass)
-{
-    const GLbitfield flags = GL_MAP_READ_BIT | GL_MAP_PERSISTENT_BIT | GL_MAP_COHERENT_BIT;
-    glCreateBuffers(1, &pass->counted);
-    glNamedBufferStorage(pass->counted, sizeof(GLuint), &(GLuint){0},
-                         flags | GL_CLIENT_STORAGE_BIT);
-    pass->triangles = glMapNamedBufferRange(pass->counted, 0, sizeof(GLuint), flags);
-    return pass->triangles ? 0 : -ENOMEM;
-}
-
 static int create_buffers(struct clipmap_pass *pass, struct diag *diag)
 {
-    size_t arena = loader_arena_bytes(pass->update_bytes),
-           table = (size_t)clipmap_table(&pass->shape);
-    size_t panes = (size_t)pass->shape.levels * CLIPMAP_PANES;
-    pass->storages[STORAGE_SPLITS] = create_buffer(panes * table * table * sizeof(GLuint), NULL);
-    pass->storages[STORAGE_REACHES] = create_buffer(panes * table * table * sizeof(GLfloat), NULL);
-    size_t blocks = (size_t)pass->draw_count * pass->blocks_a_draw;
-    pass->storages[STORAGE_BLOCKS] = create_buffer(blocks * BLOCK_BYTES, NULL);
-    int r = create_draws(pass);
-    if (r == 0)
-        r = create_counter(pass);
-    if (r == 0)
-        r = mapped_buffer_create(&pass->arenas, arena, LOADER_UPDATES, true);
+    size_t arena = loader_arena_bytes(pass->update_bytes);
+    int r = mapped_buffer_create(&pass->arenas, arena, LOADER_UPDATES, true);
     if (r == 0)
         r = mapped_buffer_create(&pass->upload_blocks, sizeof(struct upload_block), LOADER_UPDATES,
                                  false);
@@ -177,51 +81,15 @@ static int create_buffers(struct clipmap_pass *pass, struct diag *diag)
                              LOADER_UPDATES * arena >> 20);
 }
 
-/* What lists of triangles take. */
-static void create_lists(struct clipmap_pass *pass)
-{
-    size_t blocks = (size_t)pass->draw_count * pass->blocks_a_draw;
-    pass->storages[STORAGE_VERTICES] =
-        create_buffer(blocks * block_vertices(&pass->shape) * VERTEX_BYTES, NULL);
-    pass->storages[STORAGE_INDICES] =
-        create_buffer(blocks * block_indices(&pass->shape) * sizeof(GLuint), NULL);
-    glCreateVertexArrays(1, &pass->vertex_array);
-    glVertexArrayVertexBuffer(pass->vertex_array, 0, pass->storages[STORAGE_VERTICES], 0,
-                              VERTEX_BYTES);
-    glVertexArrayElementBuffer(pass->vertex_array, pass->storages[STORAGE_INDICES]);
-    glVertexArrayAttribFormat(pass->vertex_array, 0, 4, GL_FLOAT, GL_FALSE, 0);
-    glEnableVertexArrayAttrib(pass->vertex_array, 0);
-    glVertexArrayAttribBinding(pass->vertex_array, 0, 0);
-}
-
 static int create_programs(struct clipmap_pass *pass, struct diag *diag)
 {
-    char defines[256];
-    static const char format[] = "#define BLOCK %d\n#define TABLE %d\n#define DRAWS %u\n"
-                                 "#define BLOCKS_A_DRAW %u\n#define SPLIT %d\n#define RASTER %d\n";
-    const struct {
-        const char *name, *shared;
-        GLuint *program;
-        int split, raster;
-    } programs[] = {
-        {"terrain", NULL, &pass->program, 0, 0},
-        {"upload", NULL, &pass->upload_program, 0, 0},
-        {"bounds", NULL, &pass->bounds_program, 0, 0},
-        {"reach", "blocks.glsl", &pass->reach_program, 0, 0},
-        {"select", "blocks.glsl", &pass->split_program, 1, 0},
-        {"select", "blocks.glsl", &pass->list_program, 0, 0},
-        {"mesh", "raster.glsl", &pass->mesh_program, 0, 0},
-        {"mesh", "raster.glsl", &pass->raster_program, 0, 1},
-    };
-    int r = 0;
-    for (size_t i = 0; i < sizeof(programs) / sizeof(programs[0]) && r == 0; i++) {
-        snprintf(defines, sizeof(defines), format, pass->shape.block, clipmap_table(&pass->shape),
-                 pass->draw_count, pass->blocks_a_draw, programs[i].split, programs[i].raster);
-        const struct program_params params = {
-            .name = programs[i].name, .defines = defines, .shared = {programs[i].shared}};
-        r = program_create(&params, programs[i].program, diag);
-    }
-    return r;
+    char defines[64];
+    snprintf(defines, sizeof(defines), "#define BLOCK %d\n#define TABLE %d\n", pass->shape.block,
+             clipmap_table(&pass->shape));
+    const struct program_params upload = {.name = "upload", .defines = defines};
+    const struct program_params bounds = {.name = "bounds", .defines = defines};
+    int r = program_create(&upload, &pass->upload_program, diag);
+    return r < 0 ? r : program_create(&bounds, &pass->bounds_program, diag);
 }
 
 int clipmap_pass_mib(const struct clipmap_shape *shape)
@@ -229,10 +97,8 @@ int clipmap_pass_mib(const struct clipmap_shape *shape)
     double side = clipmap_storage(shape), table = clipmap_table(shape);
     double texels = side * side * sizeof(struct loader_height) +
                     4.0 * side * side * sizeof(struct loader_surface) +
-                    6.0 * table * table * sizeof(float); /* bounds, splits, reaches */
-    double block = (double)(BLOCK_BYTES + block_vertices(shape) * VERTEX_BYTES +
-                            block_indices(shape) * sizeof(GLuint));
-    return (int)ceil((texels * shape->levels * CLIPMAP_PANES + block * blocks_most(shape)) /
+                    4.0 * table * table * sizeof(float); /* bounds */
+    return (int)ceil((texels * shape->levels * CLIPMAP_PANES + block_mesh_bytes(shape)) /
                      1048576.0);
 }
 
@@ -243,14 +109,12 @@ int clipmap_pass_create(const struct clipmap_shape *shape, size_t update_bytes,
     struct clipmap_pass *pass = calloc(1, sizeof(*pass));
     if (!pass)
         return diag_set(diag, -ENOMEM, "no memory for the clipmap");
-    unsigned blocks = blocks_most(shape);
-    *pass = (struct clipmap_pass){
-        .shape = *shape, .update_bytes = update_bytes, .software = facts->software};
-    pass->blocks_a_draw = facts->software ? SOFTWARE_BLOCKS : blocks;
-    pass->draw_count = (blocks + pass->blocks_a_draw - 1) / pass->blocks_a_draw;
+    *pass = (struct clipmap_pass){.shape = *shape, .update_bytes = update_bytes};
     int r = create_programs(pass, diag);
     if (r == 0)
         r = create_buffers(pass, diag);
+    if (r == 0)
+        r = block_mesh_create(shape, facts, &pass->mesh, diag);
     if (r < 0) {
         clipmap_pass_destroy(pass);
         return r;
@@ -259,8 +123,6 @@ int clipmap_pass_create(const struct clipmap_shape *shape, size_t update_bytes,
     pass->surfaces = create_array(shape, 2 * clipmap_storage(shape), GL_RGBA8, GL_LINEAR);
     pass->bounds = create_array(shape, clipmap_table(shape), GL_RGBA32F, GL_NEAREST);
     pass->ground = ground_texture_create(facts->software);
-    if (facts->software)
-        create_lists(pass);
     if (glGetError() == GL_OUT_OF_MEMORY) {
         clipmap_pass_destroy(pass);
         return diag_set(diag, -ENOMEM, "no GPU memory for a clipmap of %d MiB",
@@ -275,20 +137,12 @@ void clipmap_pass_destroy(struct clipmap_pass *pass)
     if (!pass)
         return;
     const GLuint textures[] = {pass->heights, pass->surfaces, pass->bounds, pass->ground};
+    block_mesh_destroy(pass->mesh);
     glDeleteTextures(4, textures);
-    glDeleteBuffers(STORAGES, pass->storages);
     mapped_buffer_destroy(&pass->upload_blocks);
     mapped_buffer_destroy(&pass->arenas);
-    glDeleteVertexArrays(1, &pass->vertex_array);
-    glDeleteProgram(pass->program);
     glDeleteProgram(pass->upload_program);
     glDeleteProgram(pass->bounds_program);
-    glDeleteProgram(pass->reach_program);
-    glDeleteProgram(pass->split_program);
-    glDeleteProgram(pass->list_program);
-    glDeleteProgram(pass->mesh_program);
-    glDeleteProgram(pass->raster_program);
-    glDeleteBuffers(1, &pass->counted);
     free(pass);
 }
 
@@ -414,67 +268,20 @@ uint64_t clipmap_pass_take_uploaded(struct clipmap_pass *pass)
     return uploaded;
 }
 
-static void choose_blocks(const struct clipmap_pass *pass, int groups)
-{
-    GLuint some = groups > 0 ? (GLuint)groups : 1; /* the first empties the list */
-    glBindTextureUnit(0, pass->bounds);
-    glUseProgram(pass->reach_program);
-    glDispatchCompute(1, 1, 1);
-    glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT);
-    glUseProgram(pass->split_program);
-    glDispatchCompute(some, 1, 1);
-    glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT);
-    glUseProgram(pass->list_program);
-    glDispatchCompute(some, 1, 1);
-    glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_COMMAND_BARRIER_BIT |
-                    GL_SHADER_IMAGE_ACCESS_BARRIER_BIT);
-}
-
-static void make_triangles(const struct clipmap_pass *pass, GLuint program,
-                           const struct sample_lattice *lattice)
-{
-    glBindTextureUnit(0, pass->heights);
-    glUseProgram(program);
-    glUniform3f(0, 0.5f * lattice->columns, 0.5f * lattice->rows, lattice->first);
-    glBindBuffer(GL_DISPATCH_INDIRECT_BUFFER, pass->storages[STORAGE_DRAWS]);
-    glDispatchComputeIndirect(offsetof(struct draw_list, groups));
-}
-
 void clipmap_pass_make(struct clipmap_pass *pass, int groups, const struct sample_lattice *lattice,
                        const struct raster *raster)
 {
-    if (!raster && !pass->vertex_array)
-        create_lists(pass);
-    for (GLuint i = 0; i < STORAGES; i++)
-        glBindBufferBase(GL_SHADER_STORAGE_BUFFER, i, pass->storages[i]);
-    if (raster)
-        raster_begin(raster);
-    choose_blocks(pass, groups);
-    make_triangles(pass, raster ? pass->raster_program : pass->mesh_program, lattice);
-    if (raster)
-        raster_end(raster);
-    glMemoryBarrier(GL_COMMAND_BARRIER_BIT | GL_VERTEX_ATTRIB_ARRAY_BARRIER_BIT |
-                    GL_ELEMENT_ARRAY_BARRIER_BIT | GL_BUFFER_UPDATE_BARRIER_BIT);
-    glCopyNamedBufferSubData(pass->storages[STORAGE_DRAWS], pass->counted,
-                             offsetof(struct draw_list, triangles), 0, sizeof(GLuint));
-}
-
-unsigned clipmap_pass_triangles(const struct clipmap_pass *pass)
-{
-    return *pass->triangles;
+    block_mesh_make(pass->mesh, pass->heights, pass->bounds, groups, lattice, raster);
 }
 
 void clipmap_pass_draw(const struct clipmap_pass *pass)
 {
-    glUseProgram(pass->program);
-    glBindVertexArray(pass->vertex_array);
-    glBindBuffer(GL_DRAW_INDIRECT_BUFFER, pass->storages[STORAGE_DRAWS]);
-    for (unsigned i = 0; i < pass->draw_count; i++) {
-        size_t at = sizeof(struct draw_list) + i * sizeof(struct draw_command);
-        glDrawElementsIndirect(GL_TRIANGLES, GL_UNSIGNED_INT, (const void *)at);
-        if (pass->software)
-            glFlush();
-    }
+    block_mesh_draw(pass->mesh);
+}
+
+unsigned clipmap_pass_triangles(const struct clipmap_pass *pass)
+{
+    return block_mesh_triangles(pass->mesh);
 }
 
 void clipmap_pass_bind(const struct clipmap_pass *pass)

@@ -7,8 +7,8 @@
 #pragma once
 
 #include "base/diag.h"
+#include "render/block_mesh.h"
 #include "render/context.h"
-#include "render/raster.h"
 #include "terrain/loader.h"
 
 struct clipmap_pass;
@@ -42,12 +42,6 @@ uint64_t clipmap_pass_take_uploaded(struct clipmap_pass *pass);
 
 /* Copies the strips of the updates that were applied. */
 void clipmap_pass_upload(struct clipmap_pass *pass);
-
-/* Where a picture may have samples: a lattice of columns and rows over all of it, of which the
- * first column and row lie `first` steps from its corner. */
-struct sample_lattice {
-    float columns, rows, first;
-};
 
 /* Chooses the blocks of a frame and makes their triangles, those that may have a sample of the
  * picture (without columns: all). With a rasteriser it draws them into its picture; else (NULL)
