@@ -11,6 +11,7 @@
 #include "geo/geographic.h"
 #include "render/clipmap_pass.h"
 #include "render/detail.h"
+#include "render/entity_pass.h"
 #include "render/image_pass.h"
 #include "render/mapped_buffer.h"
 #include "render/program.h"
@@ -21,13 +22,12 @@
 #define BUFFERED_SCENES 4
 /* Posts that levels are drawn to at most: the mesh of a frame that an H200 draws in 1.2 ms at 1920
  * x 1080 (docs/performance.md). */
-#define POSTS_MOST   224.0
-#define BLOCKS_LEAST 6.8 /* that a level has to reach for the next finer one to reach as far */
-#define SHADE_GROUP  8   /* pixels a side of a work group of shade_compute.comp */
-#define NEAR_GROUND_M                                                                              \
-    1000.0 /* ground that is known so far from the eye counts as the ground below it */
-#define EARTH_M      6371e3
-#define MEMORY_SHARE 0.75 /* of the GPU's free memory that the clipmap may take */
+#define POSTS_MOST    224.0
+#define BLOCKS_LEAST  6.8    /* that a level has to reach for the next finer one to reach as far */
+#define SHADE_GROUP   8      /* pixels a side of a work group of shade_compute.comp */
+#define NEAR_GROUND_M 1000.0 /* ground known so far from the eye counts as that below it */
+#define EARTH_M       6371e3
+#define MEMORY_SHARE  0.75 /* of the GPU's free memory that the clipmap may take */
 
 /* Where a frame's time is marked: pass p lies between marks p and p + 1. */
 enum pass { PASS_UPLOAD, PASS_TERRAIN, PASS_SHADE, PASSES, PASS_MARKS = PASSES + 1 };
@@ -46,7 +46,8 @@ struct renderer {
     GLuint geometry_framebuffer, depth; /* what the GL's own draws */
     bool rastered;                      /* which of both has the depth of the last frame */
     GLuint framebuffer, colour;         /* what the shading pass writes */
-    struct mapped_buffer scenes;        /* BUFFERED_SCENES parts */
+    struct entity_pass *entity_pass;
+    struct mapped_buffer scenes; /* BUFFERED_SCENES parts */
     unsigned scene;
     int select_groups; /* of the blocks that may be drawn: scene_set_levels() */
     bool debug_groups;
@@ -225,6 +226,9 @@ int renderer_create(const struct renderer_params *params, const struct gl_facts 
     if (r == 0 && !facts->software && renderer->samples == 1)
         r = raster_create(renderer->width, renderer->height, &renderer->raster, diag);
     if (r == 0)
+        r = entity_pass_create(renderer->width, renderer->height, renderer->colour,
+                               renderer->samples, &renderer->entity_pass, diag);
+    if (r == 0)
         r = create_scenes(renderer, diag);
     if (r < 0)
         destroy_sources(params);
@@ -255,12 +259,11 @@ void renderer_destroy(struct renderer *renderer)
     image_pass_destroy(renderer->images);
     clipmap_pass_destroy(renderer->clipmap);
     raster_destroy(renderer->raster);
+    entity_pass_destroy(renderer->entity_pass);
     glDeleteProgram(renderer->shade_program);
     glDeleteVertexArrays(1, &renderer->empty_array);
-    glDeleteFramebuffers(1, &renderer->framebuffer);
-    glDeleteFramebuffers(1, &renderer->geometry_framebuffer);
-    glDeleteTextures(1, &renderer->colour);
-    glDeleteTextures(1, &renderer->depth);
+    glDeleteFramebuffers(2, (GLuint[]){renderer->framebuffer, renderer->geometry_framebuffer});
+    glDeleteTextures(2, (GLuint[]){renderer->colour, renderer->depth});
     mapped_buffer_destroy(&renderer->scenes);
     glDeleteQueries(1, &renderer->time_query);
     glDeleteQueries(PASS_MARKS, renderer->pass_queries);
@@ -356,8 +359,8 @@ void renderer_wait(struct renderer *renderer)
 static size_t apply_updates(struct renderer *renderer)
 {
     size_t bytes = take_updates(renderer, renderer->terrain_bytes);
-    size_t left = renderer->upload_bytes - bytes;
-    return clipmap_pass_take_uploaded(renderer->clipmap) + image_pass_take(renderer->images, left);
+    return clipmap_pass_take_uploaded(renderer->clipmap) +
+           image_pass_take(renderer->images, renderer->upload_bytes - bytes);
 }
 
 /* Whether the levels that are drawn reach as far as this eye asks for. */
@@ -391,8 +394,7 @@ static struct scene_detail detail_of(struct renderer *renderer, const struct vie
 }
 
 /* Fills the next scene block with what is loaded, seen by a view. False where nothing is loaded
- * yet.
- */
+ * yet. */
 static bool fill_scene(struct renderer *renderer, const struct view *view,
                        const struct scene_detail *detail)
 {
@@ -491,6 +493,12 @@ static void draw_terrain(struct renderer *renderer)
     image_pass_bind(renderer->images);
 }
 
+void renderer_set_entities(struct renderer *renderer, const struct render_entity *entities,
+                           size_t count)
+{
+    entity_pass_set(renderer->entity_pass, entities, count);
+}
+
 void renderer_draw(struct renderer *renderer, struct view *view)
 {
     renderer->frame = (struct renderer_frame){0};
@@ -507,6 +515,7 @@ void renderer_draw(struct renderer *renderer, struct view *view)
         bind_geometry(renderer);
     begin_pass(renderer, PASS_SHADE, "shade");
     shade(renderer);
+    entity_pass_draw(renderer->entity_pass, view);
     begin_pass(renderer, PASSES, NULL);
     glEndQuery(GL_TIME_ELAPSED);
     glFlush();
