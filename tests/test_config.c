@@ -1,46 +1,4 @@
-#include "config/config.h"
-#include "tests/check.h"
-
-#include <errno.h>
-#include <unistd.h>
-
-static char file_path[] = "/tmp/otwd-config-XXXXXX";
-
-static void write_file(const char *text, size_t size)
-{
-    FILE *file = fopen(file_path, "w");
-    if (!file || fwrite(text, 1, size, file) != size || fclose(file) != 0) {
-        perror(file_path);
-        exit(1);
-    }
-}
-
-static int load(const char *text, struct config *config, struct config_errors *errors)
-{
-    write_file(text, strlen(text));
-    *errors = (struct config_errors){0};
-    *config = (struct config){0};
-    return config_load(file_path, config, errors);
-}
-
-/* The complaints about `text`, one a line, each without the leading file name. */
-static const char *complaints(const char *text)
-{
-    static char out[16384];
-    struct config config;
-    struct config_errors errors;
-    int r = load(text, &config, &errors);
-    out[0] = '\0';
-    for (size_t i = 0; i < errors.count; i++) {
-        const char *line = errors.list[i].text;
-        CHECK(strncmp(line, file_path, strlen(file_path)) == 0);
-        strcat(strcat(out, i ? "\n" : ""), line + strlen(file_path) + 1);
-    }
-    CHECK_INT(r, errors.count ? -EBADMSG : 0);
-    config_finish(&config);
-    config_errors_finish(&errors);
-    return out;
-}
+#include "tests/config_fixture.h"
 
 static void check_defaults(const struct config *c)
 {
@@ -199,16 +157,6 @@ static void the_examples_load(void)
         config_finish(&c);
         config_errors_finish(&errors);
     }
-}
-
-struct bad {
-    const char *text, *expected;
-};
-
-static void check_bad(const struct bad *bad, size_t count)
-{
-    for (size_t i = 0; i < count; i++)
-        CHECK_STRING(complaints(bad[i].text), bad[i].expected);
 }
 
 static void unknown_and_repeated_keys_are_named(void)
@@ -552,43 +500,6 @@ static void no_damaged_file_gets_past_without_a_complaint_or_a_configuration(voi
     CHECK(loaded > 10 && refused > 10);
 }
 
-static void entities_have_a_size_in_proportion(void)
-{
-    struct config c;
-    struct config_errors errors;
-    CHECK_INT(load("entities:\n"
-                   "- {type: 7}\n"
-                   "- {type: 8, shape: vehicle, length_m: 12}\n"
-                   "- {type: 0, length_m: 30, width_m: 40, height_m: 11}\n",
-                   &c, &errors),
-              0);
-    CHECK_INT(c.entities_count, 3);
-    const struct config_entity expected[3] = {{7, CONFIG_SHAPE_AIRCRAFT, 15, 12, 4},
-                                              {8, CONFIG_SHAPE_VEHICLE, 12, 5, 5},
-                                              {0, CONFIG_SHAPE_AIRCRAFT, 30, 40, 11}};
-    for (int i = 0; i < 3; i++) {
-        CHECK_INT(c.entities[i].type, expected[i].type);
-        CHECK_INT(c.entities[i].shape, expected[i].shape);
-        CHECK_NEAR(c.entities[i].length_m, expected[i].length_m, 1e-9);
-        CHECK_NEAR(c.entities[i].width_m, expected[i].width_m, 1e-9);
-        CHECK_NEAR(c.entities[i].height_m, expected[i].height_m, 1e-9);
-    }
-    config_finish(&c);
-    config_errors_finish(&errors);
-    static const struct bad bad[] = {
-        {"entities:\n- {shape: vehicle}\n", "2:3: entities[0].type is missing"},
-        {"entities:\n- {type: 1}\n- {type: 2}\n- {type: 1}\n",
-         "4:10: entities[2].type: entities[0] is already 1"},
-        {"entities:\n- {type: 1, shape: boat}\n",
-         "2:20: entities[0].shape is 'boat'; it must be one of aircraft, vehicle"},
-        {"entities:\n- {type: 1, length_m: 0}\n",
-         "2:23: entities[0].length_m is 0; it must lie between 0.1 and 500 m"},
-        {"entities:\n- {type: 65536}\n",
-         "2:10: entities[0].type is 65536; it must lie between 0 and 65535"},
-    };
-    check_bad(bad, sizeof(bad) / sizeof(bad[0]));
-}
-
 int main(void)
 {
     int fd = mkstemp(file_path);
@@ -613,7 +524,6 @@ int main(void)
          sources_that_contradict_themselves_or_each_other_are_named},
         {"a CAN table is read", a_can_table_is_read},
         {"what is wrong in a CAN table is named", what_is_wrong_in_a_can_table_is_named},
-        {"entities have a size in proportion", entities_have_a_size_in_proportion},
         {"syntax errors have their place", syntax_errors_have_their_place},
         {"a typo does not hide what is wrong elsewhere",
          a_typo_does_not_hide_what_is_wrong_elsewhere},

@@ -35,6 +35,6 @@ void main()
     normal *= dot(normal, a - inside) < 0.0 ? -1.0 : 1.0;
     normal *= inversesqrt(max(dot(normal, normal), 1e-30));
     place = in_place.xyz + corner(box, gl_VertexID);
-    paint = vec4(box ? vec3(0.20, 0.21, 0.13) : vec3(0.45, 0.47, 0.50), in_place.w);
+    paint = vec4(box ? vec3(0.20, 0.21, 0.13) : vec3(0.26, 0.27, 0.29), in_place.w);
     gl_Position = scene.clip_from_enu * vec4(place, 1.0);
 }
