@@ -378,6 +378,7 @@ int document_check_meaning(struct document *document, struct config *config)
     check_channel(document, &config->channel);
     check_terrain(document, &config->terrain);
     check_environment(document, &config->environment);
+    document_check_entities(document, config);
     if (config->health.modbus.listen[0]) {
         yaml_node_t *modbus = document_get(document, section(document, "health"), "modbus", NULL);
         check_address(document, document_get(document, modbus, "listen", NULL),

@@ -100,6 +100,7 @@ void config_finish(struct config *config)
         free(config->sources[i].fields);
     }
     free(config->sources);
+    free(config->entities);
     *config = (struct config){0};
 }
 

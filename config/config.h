@@ -16,6 +16,7 @@
 #define CONFIG_PATH_MAX      1024
 #define CONFIG_SOURCES_MAX   16
 #define CONFIG_ALLOW_MAX     32
+#define CONFIG_ENTITIES_MAX  256
 #define CONFIG_ERRORS_MAX    100
 #define CONFIG_FILE_MAX      (1 << 20) /* bytes */
 #define CONFIG_TEXT_MAX      64
@@ -136,6 +137,18 @@ struct config_source {
     unsigned allow_count;
 };
 
+enum config_shape {
+    CONFIG_SHAPE_AIRCRAFT,
+    CONFIG_SHAPE_VEHICLE,
+};
+
+/* How a host's entities of a type are drawn. */
+struct config_entity {
+    unsigned type; /* as the host numbers them */
+    enum config_shape shape;
+    double length_m, width_m, height_m; /* where not given: the shape's own, in proportion */
+};
+
 enum config_pose_mode {
     CONFIG_POSE_EXTRAPOLATE, /* motion: between poses, and carried on beyond them */
     CONFIG_POSE_LATEST,      /* the newest pose as it came */
@@ -175,6 +188,8 @@ struct config {
     struct config_environment environment;
     struct config_source *sources; /* sources_count of them, owned */
     unsigned sources_count;
+    struct config_entity *entities; /* entities_count of them, owned */
+    unsigned entities_count;
     struct config_pose pose;
     struct config_health health;
     struct config_record record;
@@ -206,6 +221,9 @@ void config_errors_finish(struct config_errors *errors);
 
 /* The table of a source of type can-table. */
 struct can_table config_can_table(const struct config_source *source);
+
+/* A type that the file does not have. */
+struct config_entity config_entity_default(enum config_shape shape);
 
 /* The word that the file has for a value. */
 const char *config_source_type_name(enum config_source_type type);

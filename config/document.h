@@ -58,3 +58,6 @@ void document_apply_defaults(struct document *document, const cyaml_schema_value
 /* What no single key shows: relations, duplicates, addresses, what this version does not support.
  * Also settles defaults that depend on other keys. Returns 0 or -ENOMEM. (config/check.c) */
 int document_check_meaning(struct document *document, struct config *config);
+
+/* Of the list of entities; settles their sizes. (config/check_entities.c) */
+void document_check_entities(struct document *document, struct config *config);

@@ -200,6 +200,25 @@ static const cyaml_schema_value_t source_entry = {
     CYAML_VALUE_MAPPING(CYAML_FLAG_DEFAULT, struct config_source, source_fields),
 };
 
+static const cyaml_strval_t shape_words[] = {
+    {"aircraft", CONFIG_SHAPE_AIRCRAFT},
+    {"vehicle", CONFIG_SHAPE_VEHICLE},
+};
+
+static const cyaml_schema_field_t entity_fields[] = {
+    CYAML_FIELD_UINT("type", OPTIONAL, struct config_entity, type),
+    CYAML_FIELD_ENUM("shape", WORD, struct config_entity, shape, shape_words,
+                     CYAML_ARRAY_LEN(shape_words)),
+    CYAML_FIELD_FLOAT("length_m", OPTIONAL, struct config_entity, length_m),
+    CYAML_FIELD_FLOAT("width_m", OPTIONAL, struct config_entity, width_m),
+    CYAML_FIELD_FLOAT("height_m", OPTIONAL, struct config_entity, height_m),
+    CYAML_FIELD_END,
+};
+
+static const cyaml_schema_value_t entity_entry = {
+    CYAML_VALUE_MAPPING(CYAML_FLAG_DEFAULT, struct config_entity, entity_fields),
+};
+
 static const cyaml_strval_t mode_words[] = {
     {"extrapolate", CONFIG_POSE_EXTRAPOLATE},
     {"latest", CONFIG_POSE_LATEST},
@@ -245,6 +264,8 @@ static const cyaml_schema_field_t top_fields[] = {
     CYAML_FIELD_MAPPING("environment", OPTIONAL, struct config, environment, environment_fields),
     CYAML_FIELD_SEQUENCE("sources", CYAML_FLAG_POINTER | OPTIONAL, struct config, sources,
                          &source_entry, 0, CONFIG_SOURCES_MAX),
+    CYAML_FIELD_SEQUENCE("entities", CYAML_FLAG_POINTER | OPTIONAL, struct config, entities,
+                         &entity_entry, 0, CONFIG_ENTITIES_MAX),
     CYAML_FIELD_MAPPING("pose", OPTIONAL, struct config, pose, pose_fields),
     CYAML_FIELD_MAPPING("health", OPTIONAL, struct config, health, health_fields),
     CYAML_FIELD_MAPPING("record", OPTIONAL, struct config, record, record_fields),

@@ -60,7 +60,8 @@ struct frame_loop {
     uint64_t snapshot;
     struct frame_sample sample;
     struct governor governor;
-    struct traffic traffic; /* what to draw beside the terrain */
+    struct traffic traffic; /* what is drawn beside the terrain */
+    struct render_entity entities[TRAFFIC_MAX];
 };
 
 static void announce(struct render_thread *thread, enum render_state state)
@@ -77,7 +78,6 @@ static void take_input(struct frame_loop *loop)
     struct arrived arrived;
     while (ring_take(&loop->thread->poses, &arrived))
         motion_put(&loop->motion, arrived.source, &arrived.pose);
-    latest_take(&loop->thread->traffic, &loop->traffic);
     if (!latest_take(&loop->thread->input, &loop->input))
         return;
     motion_set_params(&loop->motion, &loop->input.motion);
@@ -86,6 +86,14 @@ static void take_input(struct frame_loop *loop)
         motion_put(&loop->motion, loop->input.source, &loop->input.pose);
     channel_set_visibility(loop->channel, loop->input.visibility_m);
     channel_set_geometry(loop->channel, &loop->input.geometry);
+}
+
+static void take_traffic(struct frame_loop *loop)
+{
+    if (loop->input.frozen || !latest_take(&loop->thread->traffic, &loop->traffic))
+        return;
+    entities_from_traffic(&loop->traffic, &loop->thread->params.entity_types, loop->entities);
+    renderer_set_entities(channel_renderer(loop->channel), loop->entities, loop->traffic.count);
 }
 
 static void wait_for_host(struct render_thread *thread, nsec_t until_ns)
@@ -172,6 +180,7 @@ static nsec_t draw_frame(struct frame_loop *loop, nsec_t tick_ns, bool *ret_fail
     uint64_t missed_before = loop->sample.missed;
     take_input(loop);
     begin_frame(loop, frame_ns);
+    take_traffic(loop);
     choose_pose(loop, frame_ns);
     struct pose next = loop->shown;
     if (!loop->input.frozen)

@@ -10,9 +10,9 @@
 
 #include "base/diag.h"
 #include "daemon/channel.h"
+#include "daemon/entities.h"
 #include "daemon/notify.h"
 #include "geo/motion.h"
-#include "io/cigi_scene.h"
 
 /* What the event loop wants to be drawn: always whole, always the newest. */
 struct render_input {
@@ -27,15 +27,6 @@ struct render_input {
     struct channel_geometry geometry;
     bool tells_begin; /* render_thread_begin_fd() is wanted */
     nsec_t wait_ns;   /* for render_thread_go(), once that was told; 0 = not at all */
-};
-
-/* What else a host has in the air and on the ground, at the time of a frame. */
-#define TRAFFIC_MAX 256
-
-struct traffic {
-    nsec_t time_ns; /* for which the places hold */
-    size_t count;
-    struct cigi_seen list[TRAFFIC_MAX];
 };
 
 /* One finished frame. */
@@ -63,8 +54,9 @@ struct render_params {
     double rate_hz;
     double pixel_error_most; /* up to which the error may grow before a deadline is missed */
     struct render_input first;
-    const char *snapshot_directory; /* NULL = none */
-    struct notify *notify;          /* one beat a frame */
+    const char *snapshot_directory;   /* NULL = none */
+    struct notify *notify;            /* one beat a frame */
+    struct entity_types entity_types; /* the list outlives the thread */
 };
 
 struct render_thread;

@@ -185,6 +185,13 @@ static bool same_sources(const struct config *a, const struct config *b)
     return true;
 }
 
+static bool same_entities(const struct config *a, const struct config *b)
+{
+    return a->entities_count == b->entities_count &&
+           (a->entities_count == 0 ||
+            memcmp(a->entities, b->entities, a->entities_count * sizeof(*a->entities)) == 0);
+}
+
 /* Says which changed sections wait for a restart. Both configurations came from zeroed memory, so
  * sections without pointers compare as bytes. */
 static void tell_what_waits(const struct config *now, const struct config *next)
@@ -197,6 +204,7 @@ static void tell_what_waits(const struct config *now, const struct config *next)
         {"display", memcmp(&now->display, &next->display, sizeof(now->display)) != 0},
         {"terrain", memcmp(&now->terrain, &next->terrain, sizeof(now->terrain)) != 0},
         {"environment.atmosphere", now->environment.atmosphere != next->environment.atmosphere},
+        {"entities", !same_entities(now, next)},
         {"record", memcmp(&now->record, &next->record, sizeof(now->record)) != 0},
     };
     char names[128] = "";

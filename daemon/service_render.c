@@ -115,7 +115,8 @@ int service_start_render(struct service *service, struct diag *diag)
     service->render_params =
         (struct render_params){.rate_hz = config->display.rate_hz,
                                .pixel_error_most = config->terrain.pixel_error_most,
-                               .notify = &service->notify};
+                               .notify = &service->notify,
+                               .entity_types = {config->entities, config->entities_count}};
     config_to_channel(config, channel);
     if (service->recorder)
         service->render_params.snapshot_directory = config->record.directory;

@@ -1,271 +1,18 @@
 #include "render/renderer.h"
 
-#include <epoxy/gl.h>
-#include <errno.h>
 #include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "geo/cube.h"
 #include "geo/geographic.h"
-#include "render/clipmap_pass.h"
 #include "render/detail.h"
-#include "render/image_pass.h"
-#include "render/mapped_buffer.h"
-#include "render/program.h"
-#include "render/raster.h"
+#include "render/renderer_internal.h"
 #include "render/scene.h"
-#include "terrain/imagery.h"
 
-#define BUFFERED_SCENES 4
-/* Posts that levels are drawn to at most: the mesh of a frame that an H200 draws in 1.2 ms at 1920
- * x 1080 (docs/performance.md). */
-#define POSTS_MOST   224.0
-#define BLOCKS_LEAST 6.8 /* that a level has to reach for the next finer one to reach as far */
-#define SHADE_GROUP  8   /* pixels a side of a work group of shade_compute.comp */
-#define NEAR_GROUND_M                                                                              \
-    1000.0 /* ground that is known so far from the eye counts as the ground below it */
-#define EARTH_M      6371e3
-#define MEMORY_SHARE 0.75 /* of the GPU's free memory that the clipmap may take */
-
-/* Where a frame's time is marked: pass p lies between marks p and p + 1. */
-enum pass { PASS_UPLOAD, PASS_TERRAIN, PASS_SHADE, PASSES, PASS_MARKS = PASSES + 1 };
-
-struct renderer {
-    int width, height, samples;
-    double pixel_error, posts_most;
-    struct clipmap_shape shape;
-    struct loader *loader;
-    struct clipmap_pass *clipmap;
-    struct image_pass *images; /* NULL: there is no imagery */
-    GLuint shade_program;
-    bool shade_in_compute; /* else by a triangle over the screen: docs/decisions/0003 */
-    GLuint empty_array;
-    struct raster *raster;              /* draws the terrain; NULL: the GL's own does */
-    GLuint geometry_framebuffer, depth; /* what the GL's own draws */
-    bool rastered;                      /* which of both has the depth of the last frame */
-    GLuint framebuffer, colour;         /* what the shading pass writes */
-    struct mapped_buffer scenes;        /* BUFFERED_SCENES parts */
-    unsigned scene;
-    int select_groups; /* of the blocks that may be drawn: scene_set_levels() */
-    bool debug_groups;
-    GLuint time_query, pass_queries[PASS_MARKS];
-    size_t upload_bytes, terrain_bytes;         /* that a frame copies at most; of terrain */
-    struct loader_update *next;                 /* taken, but too much for the last frame */
-    struct loader_update *held[LOADER_UPDATES]; /* being copied from by this frame */
-    unsigned held_count;
-
-    struct loader_ground ground; /* at the eye of the last wish that was answered */
-    bool has_ground;
-    bool late; /* as of the last update: some of the terrain is coarser than the source has it */
-    struct renderer_frame frame;
-};
-
-struct clipmap_shape renderer_shape(const struct terrain_facts *facts, double pixel_rad,
-                                    double pixel_error, bool software)
-{
-    double posts = detail_posts(pixel_rad, pixel_error);
-    int radius = 32, most = software ? 64 : 256;
-    while (radius < most && radius < posts)
-        radius *= 2;
-    /* Small blocks waste fewer triangles; software rasterisers pay for each. */
-    int block = software || radius < 64 ? radius / 8 : 8;
-    return clipmap_shape(radius, block, facts->finest_lat_step_deg);
-}
-
-/* Of imagery no less than a strip can be copied: it has half of what is then copied at most, and
- * what terrain leaves. */
-static void set_upload_bytes(struct renderer *renderer, const struct renderer_params *params,
-                             bool software)
-{
-    size_t least = params->imagery ? RENDERER_UPLOAD_BYTES : LOADER_UPDATE_LEAST;
-    size_t bytes = params->upload_bytes ? params->upload_bytes
-                   : software           ? RENDERER_UPLOAD_SOFTWARE
-                                        : RENDERER_UPLOAD_BYTES;
-    renderer->upload_bytes = bytes > least ? bytes : least;
-    renderer->terrain_bytes = renderer->upload_bytes;
-    if (params->imagery)
-        renderer->terrain_bytes =
-            bytes < renderer->upload_bytes / 2 ? bytes : renderer->upload_bytes / 2;
-}
-
-/* The clipmap that was asked for, or the largest that there is memory for. */
-static int create_clipmap(struct renderer *renderer, const struct gl_facts *facts,
-                          struct diag *diag)
-{
-    int free_mib = gl_memory_free_mib(), r;
-    for (;;) {
-        int mib = clipmap_pass_mib(&renderer->shape);
-        if (free_mib > 0 && mib > MEMORY_SHARE * free_mib)
-            r = diag_set(diag, -ENOMEM, "a clipmap of %d MiB is too much for %d MiB of GPU memory",
-                         mib, free_mib);
-        else
-            r = clipmap_pass_create(&renderer->shape,
-                                    loader_update_bytes(&renderer->shape, renderer->terrain_bytes),
-                                    facts, &renderer->clipmap, diag);
-        if (r != -ENOMEM || renderer->shape.radius <= CLIPMAP_LEAST_RADIUS)
-            return r;
-        renderer->shape = clipmap_halved(&renderer->shape);
-    }
-}
-
-static int create_framebuffers(struct renderer *renderer, struct diag *diag)
-{
-    int width = renderer->width, height = renderer->height;
-    bool one = renderer->samples == 1;
-    glCreateTextures(one ? GL_TEXTURE_2D : GL_TEXTURE_2D_MULTISAMPLE, 1, &renderer->depth);
-    if (one)
-        glTextureStorage2D(renderer->depth, 1, GL_DEPTH_COMPONENT32F, width, height);
-    else
-        glTextureStorage2DMultisample(renderer->depth, renderer->samples, GL_DEPTH_COMPONENT32F,
-                                      width, height, GL_TRUE);
-    glCreateFramebuffers(1, &renderer->geometry_framebuffer);
-    glNamedFramebufferTexture(renderer->geometry_framebuffer, GL_DEPTH_ATTACHMENT, renderer->depth,
-                              0);
-    glNamedFramebufferDrawBuffer(renderer->geometry_framebuffer, GL_NONE);
-    glNamedFramebufferReadBuffer(renderer->geometry_framebuffer, GL_NONE);
-    glCreateTextures(GL_TEXTURE_2D, 1, &renderer->colour);
-    glTextureStorage2D(renderer->colour, 1, GL_RGBA8, width, height);
-    glCreateFramebuffers(1, &renderer->framebuffer);
-    glNamedFramebufferTexture(renderer->framebuffer, GL_COLOR_ATTACHMENT0, renderer->colour, 0);
-    const GLuint both[] = {renderer->geometry_framebuffer, renderer->framebuffer};
-    if (glGetError() == GL_OUT_OF_MEMORY)
-        return diag_set(diag, -ENOMEM, "no GPU memory for frames of %d x %d pixels", width, height);
-    for (int i = 0; i < 2; i++)
-        if (glCheckNamedFramebufferStatus(both[i], GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE)
-            return diag_set(diag, -EIO, "the GPU refuses a framebuffer of %d x %d pixels", width,
-                            height);
-    return 0;
-}
-
-static int create_scenes(struct renderer *renderer, struct diag *diag)
-{
-    int r =
-        mapped_buffer_create(&renderer->scenes, sizeof(struct scene_block), BUFFERED_SCENES, false);
-    return r == 0 ? 0 : diag_set(diag, r, "no memory for what the shaders read of a frame");
-}
-
-static void destroy_sources(const struct renderer_params *params)
-{
-    terrain_source_destroy(params->source);
-    terrain_source_destroy(params->fallback);
-    geoid_close(params->geoid);
-    imagery_close(params->imagery);
-}
-
-/* Where the samples of a pixel lie, for shade.glsl. */
-static void describe_samples(const struct renderer *renderer, size_t size, char *ret)
-{
-    size_t used = (size_t)snprintf(ret, size, "#define SAMPLES %d\n#define SAMPLE_PLACES ",
-                                   renderer->samples);
-    glBindFramebuffer(GL_FRAMEBUFFER, renderer->geometry_framebuffer);
-    for (int i = 0; i < renderer->samples; i++) {
-        GLfloat place[2] = {0.5f, 0.5f};
-        if (renderer->samples > 1)
-            glGetMultisamplefv(GL_SAMPLE_POSITION, (GLuint)i, place);
-        used += (size_t)snprintf(ret + used, size - used, "%svec2(%.6f, %.6f)", i ? ", " : "",
-                                 (double)place[0], (double)place[1]);
-    }
-    snprintf(ret + used, size - used, "\n");
-}
-
-static int create_shading(struct renderer *renderer, const struct gl_facts *facts,
-                          struct diag *diag)
-{
-    char defines[512];
-    size_t images = (size_t)snprintf(defines, sizeof(defines), "%s#define IMAGE_TAPS %d\n",
-                                     image_pass_defines(renderer->images), facts->image_taps);
-    describe_samples(renderer, sizeof(defines) - images, defines + images);
-    const struct program_params shade = {.name = facts->software ? "shade" : "shade_compute",
-                                         .defines = defines,
-                                         .shared = {"images.glsl", "shade.glsl"}};
-    return program_create(&shade, &renderer->shade_program, diag);
-}
-
-/* Passes the sources on; what has not been passed on when it fails is destroyed. */
-static int create_loaders(struct renderer *renderer, const struct renderer_params *params,
-                          struct diag *diag)
-{
-    struct loader_params loader = {.shape = renderer->shape,
-                                   .update_bytes = renderer->terrain_bytes,
-                                   .source = params->source,
-                                   .fallback = params->fallback,
-                                   .geoid = params->geoid};
-    for (int i = 0; i < LOADER_UPDATES; i++)
-        loader.arenas[i] = clipmap_pass_arena(renderer->clipmap, i);
-    int r = loader_start(&loader, &renderer->loader, diag);
-    if (r < 0)
-        imagery_close(params->imagery);
-    else if (params->imagery)
-        r = image_pass_create(params->imagery, params->width, &renderer->images, diag);
-    return r;
-}
-
-int renderer_create(const struct renderer_params *params, const struct gl_facts *facts,
-                    struct renderer **ret_renderer, struct diag *diag)
-{
-    struct renderer *renderer = calloc(1, sizeof(*renderer));
-    if (!renderer) {
-        destroy_sources(params);
-        return diag_set(diag, -ENOMEM, "no memory for the renderer");
-    }
-    renderer->width = params->width;
-    renderer->height = params->height;
-    renderer->samples = params->samples ? params->samples : 1;
-    renderer->pixel_error = params->pixel_error > 0.0 ? params->pixel_error : 1.0;
-    renderer->posts_most = params->posts_most > 0.0 ? params->posts_most : POSTS_MOST;
-    renderer->shape = params->shape;
-    set_upload_bytes(renderer, params, facts->software);
-    renderer->shade_in_compute = !facts->software;
-    renderer->debug_groups = facts->debug;
-    int r = create_clipmap(renderer, facts, diag);
-    if (r == 0)
-        r = create_framebuffers(renderer, diag);
-    if (r == 0 && !facts->software && renderer->samples == 1)
-        r = raster_create(renderer->width, renderer->height, &renderer->raster, diag);
-    if (r == 0)
-        r = create_scenes(renderer, diag);
-    if (r < 0)
-        destroy_sources(params);
-    else
-        r = create_loaders(renderer, params, diag);
-    if (r == 0)
-        r = create_shading(renderer, facts, diag);
-    if (r < 0) {
-        renderer_destroy(renderer);
-        return r;
-    }
-    glCreateVertexArrays(1, &renderer->empty_array);
-    glCreateQueries(GL_TIME_ELAPSED, 1, &renderer->time_query);
-    glCreateQueries(GL_TIMESTAMP, PASS_MARKS, renderer->pass_queries);
-    glClipControl(GL_LOWER_LEFT, GL_ZERO_TO_ONE);
-    glEnable(GL_DEPTH_TEST);
-    glDepthFunc(GL_GEQUAL);
-    glClearDepth(0.0);
-    *ret_renderer = renderer;
-    return 0;
-}
-
-void renderer_destroy(struct renderer *renderer)
-{
-    if (!renderer)
-        return;
-    loader_stop(renderer->loader);
-    image_pass_destroy(renderer->images);
-    clipmap_pass_destroy(renderer->clipmap);
-    raster_destroy(renderer->raster);
-    glDeleteProgram(renderer->shade_program);
-    glDeleteVertexArrays(1, &renderer->empty_array);
-    glDeleteFramebuffers(1, &renderer->framebuffer);
-    glDeleteFramebuffers(1, &renderer->geometry_framebuffer);
-    glDeleteTextures(1, &renderer->colour);
-    glDeleteTextures(1, &renderer->depth);
-    mapped_buffer_destroy(&renderer->scenes);
-    glDeleteQueries(1, &renderer->time_query);
-    glDeleteQueries(PASS_MARKS, renderer->pass_queries);
-    free(renderer);
-}
+#define BLOCKS_LEAST  6.8    /* that a level has to reach for the next finer one to reach as far */
+#define SHADE_GROUP   8      /* pixels a side of a work group of shade_compute.comp */
+#define NEAR_GROUND_M 1000.0 /* ground known so far from the eye counts as that below it */
+#define EARTH_M       6371e3
 
 static double height_above_ground_m(const struct renderer *renderer, const struct geodetic *eye)
 {
@@ -356,8 +103,8 @@ void renderer_wait(struct renderer *renderer)
 static size_t apply_updates(struct renderer *renderer)
 {
     size_t bytes = take_updates(renderer, renderer->terrain_bytes);
-    size_t left = renderer->upload_bytes - bytes;
-    return clipmap_pass_take_uploaded(renderer->clipmap) + image_pass_take(renderer->images, left);
+    return clipmap_pass_take_uploaded(renderer->clipmap) +
+           image_pass_take(renderer->images, renderer->upload_bytes - bytes);
 }
 
 /* Whether the levels that are drawn reach as far as this eye asks for. */
@@ -391,8 +138,7 @@ static struct scene_detail detail_of(struct renderer *renderer, const struct vie
 }
 
 /* Fills the next scene block with what is loaded, seen by a view. False where nothing is loaded
- * yet.
- */
+ * yet. */
 static bool fill_scene(struct renderer *renderer, const struct view *view,
                        const struct scene_detail *detail)
 {
@@ -491,6 +237,12 @@ static void draw_terrain(struct renderer *renderer)
     image_pass_bind(renderer->images);
 }
 
+void renderer_set_entities(struct renderer *renderer, const struct render_entity *entities,
+                           size_t count)
+{
+    entity_pass_set(renderer->entity_pass, entities, count);
+}
+
 void renderer_draw(struct renderer *renderer, struct view *view)
 {
     renderer->frame = (struct renderer_frame){0};
@@ -507,6 +259,7 @@ void renderer_draw(struct renderer *renderer, struct view *view)
         bind_geometry(renderer);
     begin_pass(renderer, PASS_SHADE, "shade");
     shade(renderer);
+    entity_pass_draw(renderer->entity_pass, view);
     begin_pass(renderer, PASSES, NULL);
     glEndQuery(GL_TIME_ELAPSED);
     glFlush();

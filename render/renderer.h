@@ -10,6 +10,7 @@
 
 #include "base/diag.h"
 #include "render/context.h"
+#include "render/entity_pass.h"
 #include "render/view.h"
 #include "terrain/image_loader.h"
 #include "terrain/loader.h"
@@ -35,7 +36,7 @@ struct renderer_params {
 
 struct renderer_frame {
     double gpu_ms; /* timer queries: from the first pass to the end of the last */
-    double upload_ms, terrain_ms, shade_ms; /* the same by pass */
+    double upload_ms, terrain_ms, shade_ms; /* the same by pass; entities with shading */
     uint64_t triangles;                     /* generated, after culling */
     unsigned control_points;                /* vertices sent by the CPU */
     double pixel_error;    /* that levels reach far enough for: may be more than was asked */
@@ -73,6 +74,11 @@ void renderer_wish(struct renderer *renderer, const struct geodetic *eye, bool p
 /* Waits until terrain and imagery of the last wish are there, however many bytes that are; those of
  * one update may be left to the next frame. Not for live use. */
 void renderer_wait(struct renderer *renderer);
+
+/* What is drawn beside the terrain from the next frame on, ENTITIES_MAX of it at most. The list
+ * stays the caller's, and as it is until a frame that shows it is finished. */
+void renderer_set_entities(struct renderer *renderer, const struct render_entity *entities,
+                           size_t count);
 
 /* Draws a frame and returns without waiting for the GPU. The view's undulation is set from the
  * loader, and its eye is lifted where it would look from beneath the ground (view_lift): the view

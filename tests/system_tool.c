@@ -169,6 +169,23 @@ static void put_surroundings(const char *kind, struct cigi_writer *writer)
         cigi_write(writer, &view);
 }
 
+/* Own-ship looks south; entity 5 is 500 m before it, or is no more. */
+static void put_traffic(const char *kind, const struct cigi_host *host, struct cigi_writer *writer)
+{
+    struct pose pose = {.valid = POSE_POSITION | POSE_ATTITUDE,
+                        .position = {46.5, 7.9, 4000.0},
+                        .attitude = {.heading_deg = 180.0}};
+    struct cigi_packet gone = {.kind = CIGI_ENTITY_CONTROL,
+                               .entity_control = {.entity = 5, .state = CIGI_DESTROYED}};
+    if (strcmp(kind, "south") == 0)
+        cigi_host_put_pose(host, writer, 0, 1, &pose);
+    pose.position.lat_deg = 46.4955;
+    if (strcmp(kind, "other") == 0)
+        cigi_host_put_pose(host, writer, 5, 20, &pose);
+    if (strcmp(kind, "gone") == 0)
+        cigi_write(writer, &gone);
+}
+
 /* What is wrong stands before a place of own-ship, where that can be read at all. */
 static size_t make_cigi(const char *kind, uint8_t data[CIGI_MESSAGE_MAX])
 {
@@ -202,6 +219,7 @@ static size_t make_cigi(const char *kind, uint8_t data[CIGI_MESSAGE_MAX])
     if (strcmp(kind, "clamped") == 0)
         put_clamped(&writer);
     put_surroundings(kind, &writer);
+    put_traffic(kind, &host, &writer);
     if (strcmp(kind, "magic") == 0 || strcmp(kind, "noise") == 0)
         memset(data, 0x5a, writer.size);
     return writer.size;

@@ -61,6 +61,18 @@ vec3 sky_colour(vec3 direction)
     return sky * scene.haze.w;
 }
 
+// What falls on a surface that faces the sun, and on one from all of the sky.
+vec3 sun_light()
+{
+    return mix(vec3(2.9, 1.5, 0.7), vec3(3.5, 3.25, 2.8), clamp(scene.sun.z * 3.0, 0.0, 1.0)) *
+           scene.sun.w;
+}
+
+vec3 sky_light()
+{
+    return vec3(0.26, 0.36, 0.54) * scene.haze.w;
+}
+
 // The share of light that the air lets through over `distance_m`, towards a point whose height
 // differs by `rise_m`: homogeneous in layers, thinning exponentially with height.
 float transmittance(float distance_m, float rise_m)

@@ -199,9 +199,7 @@ vec3 ground_radiance(vec3 dn, vec3 view, float distance_m, float altitude_km)
     slope += (near.xy - 0.5) * 0.05 * water;
     vec3 normal = tilted(spot, slope);
 
-    vec3 sun_colour = mix(vec3(2.9, 1.5, 0.7), vec3(3.5, 3.25, 2.8),
-                          clamp(scene.sun.z * 3.0, 0.0, 1.0)) * scene.sun.w;
-    vec3 ambient = vec3(0.26, 0.36, 0.54) * scene.haze.w;
+    vec3 sun_colour = sun_light(), ambient = sky_light();
     vec3 body = vec3(0.012, 0.045, 0.075);
 #if COLOUR
     vec4 photo = image_colour(image);
