@@ -76,7 +76,7 @@ send first.csv
 wait_for 5 near lat_deg 46.51 1e-6 || fail "latitude $(field lat_deg)"
 near lon_deg 7.91 1e-6 || fail "longitude $(field lon_deg)"
 near height_m 4000 0.1 || fail "height $(field height_m)"
-near heading_deg 90 0.02 || fail "heading $(field heading_deg)"
+wait_for 5 near heading_deg 90 0.02 || fail "heading $(field heading_deg)"
 wait_for 5 is rejected 0 || fail "rejected $(field rejected)"
 is lost 0 || fail "lost $(field lost)"
 stop_sending
@@ -91,7 +91,7 @@ stop_sending
 start canplayer.log canplayer -I flight.candump -l i vcan0=vcan0
 player=$started
 wait_for 5 near lat_deg 46.51 1e-6 || fail "latitude $(field lat_deg) from canplayer"
-near heading_deg 90 0.02 || fail "heading $(field heading_deg) from canplayer"
+wait_for 5 near heading_deg 90 0.02 || fail "heading $(field heading_deg) from canplayer"
 is rejected 0 || fail "rejected $(field rejected) from canplayer"
 kill "$player"
 wait "$player" 2>/dev/null
