@@ -15,6 +15,8 @@
 #include "terrain/database.h"
 #include "terrain/query.h"
 
+#define ANSWERS_TOLD 32 /* at once: those behind a line of sight need not wait for all others */
+
 /* A view of the ground for one thread. */
 struct ground {
     struct query *query;
@@ -101,22 +103,27 @@ static void answer_job(struct query_thread *thread, const struct job *job)
     ring_put(&thread->replies, &reply); /* there is room: no more than `waiting` are in it */
 }
 
+/* Answers a few jobs. False where there are none. */
+static bool answer_some(struct query_thread *thread)
+{
+    struct job job;
+    unsigned count = 0;
+    while (count < ANSWERS_TOLD && ring_take(&thread->jobs, &job)) {
+        answer_job(thread, &job);
+        count++;
+    }
+    if (count > 0)
+        eventfd_write(thread->event_fd, 1);
+    return count > 0;
+}
+
 static void *query_main(void *data)
 {
     struct query_thread *thread = data;
-    struct job job;
-    while (!atomic_load(&thread->stopping)) {
-        bool any = false;
-        while (!atomic_load(&thread->stopping) && ring_take(&thread->jobs, &job)) {
-            answer_job(thread, &job);
-            any = true;
-        }
-        if (any)
-            eventfd_write(thread->event_fd, 1);
-        else
+    while (!atomic_load(&thread->stopping))
+        if (!answer_some(thread))
             while (sem_wait(&thread->woken) < 0 && errno == EINTR)
                 ;
-    }
     return NULL;
 }
 
@@ -238,9 +245,12 @@ int query_thread_fd(const struct query_thread *thread)
 bool query_thread_take(struct query_thread *thread, struct query_reply *ret_reply)
 {
     eventfd_t count;
-    eventfd_read(thread->event_fd, &count);
-    if (!ring_take(&thread->replies, ret_reply))
-        return false;
+    if (!ring_take(&thread->replies, ret_reply)) {
+        eventfd_read(thread->event_fd, &count);
+        /* One may have come before it was cleared. */
+        if (!ring_take(&thread->replies, ret_reply))
+            return false;
+    }
     thread->waiting--;
     return true;
 }

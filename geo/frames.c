@@ -106,6 +106,16 @@ struct quaternion quaternion_from_rotation_vector(const double v_rad[3])
                                scale * v_rad[2]};
 }
 
+void rotation_vector_from_quaternion(struct quaternion q, double ret_v_rad[3])
+{
+    double sign = q.w < 0.0 ? -1.0 : 1.0;
+    double v[3] = {sign * q.x, sign * q.y, sign * q.z};
+    double sine = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+    double scale = sine > 1e-12 ? 2.0 * atan2(sine, sign * q.w) / sine : 2.0;
+    for (int i = 0; i < 3; i++)
+        ret_v_rad[i] = scale * v[i];
+}
+
 struct quaternion quaternion_slerp(struct quaternion a, struct quaternion b, double fraction)
 {
     struct quaternion turn = quaternion_product(quaternion_conjugate(a), b);

@@ -45,6 +45,8 @@ void matrix_from_quaternion(struct quaternion q, double ret_m[3][3]);
 
 /* The turn by the angle |v| (radians) about v. */
 struct quaternion quaternion_from_rotation_vector(const double v_rad[3]);
+/* And back: the shorter way, an angle of at most pi. */
+void rotation_vector_from_quaternion(struct quaternion q, double ret_v_rad[3]);
 
 /* From a (fraction 0) to b (1) at constant rate along the shorter arc (Shoemake 1985). */
 struct quaternion quaternion_slerp(struct quaternion a, struct quaternion b, double fraction);

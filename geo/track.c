@@ -7,15 +7,13 @@
 #define SAME_NS (100 * NSEC_PER_USEC) /* knots that are closer are one */
 
 /* A sender's rates are believed where their mean is as near as this to what lies between knots. */
-#define PLACE_TRUST_PART 0.1
-#define PLACE_TRUST_MPS  1.0
-#define TURN_TRUST_PART  0.3
-#define TURN_TRUST_RAD_S 0.05
-#define ACCELERATION_SPAN_S                                                                        \
-    0.1 /* over which it is taken, so that noise of velocity is not seen                           \
-         */
-#define ACCELERATION_OLD_S 0.6
-#define ACCELERATION_MOST  50.0 /* m/s^2 */
+#define PLACE_TRUST_PART    0.1
+#define PLACE_TRUST_MPS     1.0
+#define TURN_TRUST_PART     0.3
+#define TURN_TRUST_RAD_S    0.05
+#define ACCELERATION_SPAN_S 0.1 /* over which it is taken: noise of velocity is not seen */
+#define ACCELERATION_OLD_S  0.6
+#define ACCELERATION_MOST   50.0 /* m/s^2 */
 
 void track_clear(struct track *track)
 {
@@ -75,16 +73,6 @@ static void cross(const double a[3], const double b[3], double ret[3])
     ret[0] = a[1] * b[2] - a[2] * b[1];
     ret[1] = a[2] * b[0] - a[0] * b[2];
     ret[2] = a[0] * b[1] - a[1] * b[0];
-}
-
-void rotation_vector_from_quaternion(struct quaternion turn, double ret_rad[3])
-{
-    double sign = turn.w < 0.0 ? -1.0 : 1.0;
-    double v[3] = {sign * turn.x, sign * turn.y, sign * turn.z};
-    double sine = length(v);
-    double scale = sine > 1e-12 ? 2.0 * atan2(sine, sign * turn.w) / sine : 2.0;
-    for (int i = 0; i < 3; i++)
-        ret_rad[i] = scale * v[i];
 }
 
 static double between_s(const struct track_knot *a, const struct track_knot *b)

@@ -45,6 +45,3 @@ void track_place_at(const struct track *track, nsec_t time_ns, nsec_t limit_ns, 
                     double ret_mps[3]);
 void track_turn_at(const struct track *track, nsec_t time_ns, nsec_t limit_ns,
                    struct quaternion *ret_turn, double ret_rad_s[3]);
-
-/* The rotation vector of `turn`, radians, along the shorter arc. */
-void rotation_vector_from_quaternion(struct quaternion turn, double ret_rad[3]);
