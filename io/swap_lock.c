@@ -114,16 +114,18 @@ static const struct swap_shown *find_shown(const struct swap_lock *lock, struct 
     return NULL;
 }
 
-/* A channel that says this would not have been waited for in vain. */
+/* A channel that says this would not have been waited for in vain: it is at least at what was shown
+ * a time-out ago, or later than all that was shown. */
 static bool is_timely(const struct swap_lock *lock, struct swap_label label, nsec_t now_ns)
 {
-    const struct swap_shown *last = shown_before(lock, 0), *shown = find_shown(lock, label);
-    if (!last)
+    const struct swap_shown *shown = shown_before(lock, 0);
+    if (!shown || reaches(label, lock->label) ||
+        (reaches(label, shown->label) && !same(label, shown->label)))
         return true;
-    if (shown)
-        return now_ns - shown->monotonic_ns <= lock->params.timeout_ns;
-    return reaches(label, lock->label) ||
-           (reaches(label, last->label) && !same(label, last->label));
+    for (unsigned i = 0; (shown = shown_before(lock, i)); i++)
+        if (now_ns - shown->monotonic_ns <= lock->params.timeout_ns && reaches(label, shown->label))
+            return true;
+    return false;
 }
 
 static void measure_skew(struct swap_lock *lock, const struct swap_peer *peer, nsec_t realtime_ns)
@@ -300,6 +302,17 @@ void swap_lock_show(struct swap_lock *lock, nsec_t now_ns, nsec_t realtime_ns)
     }
     lock->history[lock->shown++ % SWAP_HISTORY] =
         (struct swap_shown){lock->label, now_ns, realtime_ns};
+}
+
+void swap_lock_pass(struct swap_lock *lock, nsec_t now_ns)
+{
+    lock->counts.present = 1;
+    for (unsigned i = 0; i < lock->params.channels; i++) {
+        struct swap_peer *peer = &lock->peers[i];
+        if (peer->in && now_ns - peer->heard_ns >= lock->params.timeout_ns)
+            give_up(peer);
+        lock->counts.present += peer->in;
+    }
 }
 
 bool swap_lock_speaks(const struct swap_lock *lock)

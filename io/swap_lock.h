@@ -123,6 +123,10 @@ bool swap_lock_retell(struct swap_lock *lock, nsec_t now_ns);
 /* The frame is shown, at `realtime_ns` of the shared clock. */
 void swap_lock_show(struct swap_lock *lock, nsec_t now_ns, nsec_t realtime_ns);
 
+/* The frame that was shown last stays. Who has been silent for the time-out is not waited for
+ * again. */
+void swap_lock_pass(struct swap_lock *lock, nsec_t now_ns);
+
 /* Whether this is the channel that speaks to the host for all: the first of those in step. */
 bool swap_lock_speaks(const struct swap_lock *lock);
 
