@@ -19,6 +19,7 @@
 struct channel {
     struct gl_context *context; /* NULL where a window brings its own */
     struct window *window;
+    bool holds;
     struct gl_facts gl;
     struct renderer *renderer;
     struct channel_geometry geometry;
@@ -100,6 +101,7 @@ int channel_create(const struct channel_params *params, struct channel **ret_cha
     channel->geometry = params->geometry;
     channel->visibility_m = params->visibility_m;
     channel->window = params->window;
+    channel->holds = params->holds;
     view_from_pose(&(struct pose){0}, &channel->geometry, &channel->last);
     use_program_cache(params->cache_programs);
     if (channel->window)
@@ -170,7 +172,7 @@ void channel_draw(struct channel *channel, const struct pose *pose, const struct
     renderer_draw(channel->renderer, &view);
     if (!channel->gl.software)
         expect(channel, next, complete);
-    if (channel->window)
+    if (channel->window && !channel->holds)
         window_show(channel->window, renderer_framebuffer(channel->renderer));
     renderer_finish(channel->renderer, &ret_frame->renderer);
     ret_frame->finished_ns = clock_monotonic_ns();
@@ -179,6 +181,12 @@ void channel_draw(struct channel *channel, const struct pose *pose, const struct
     ret_frame->view = view;
     if (channel->gl.software)
         expect(channel, next, complete);
+}
+
+void channel_show(struct channel *channel)
+{
+    if (channel->window && channel->holds)
+        window_show(channel->window, renderer_framebuffer(channel->renderer));
 }
 
 void channel_set_geometry(struct channel *channel, const struct channel_geometry *geometry)
