@@ -25,6 +25,12 @@ void swap_tick(struct service *service, nsec_t now_ns)
         return;
     if (status->counts.present == config->channels || watch->complete_ns == 0)
         watch->complete_ns = now_ns;
+    service->health.swap = (struct health_swap){.channels = config->channels,
+                                                .present = status->counts.present,
+                                                .frames = status->counts.frames,
+                                                .timeouts = status->counts.timeouts,
+                                                .out_of_step = status->counts.out_of_step,
+                                                .skew_worst_ns = status->counts.skew_worst_ns};
     snprintf(sentence, sizeof(sentence), "%u of %u channels are in step", status->counts.present,
              config->channels);
     service_set_fault(service, FAULT_CHANNEL_ABSENT, now_ns - watch->complete_ns > ABSENT_NS,

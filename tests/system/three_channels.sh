@@ -2,6 +2,7 @@
 # Left, front and right, each in a network namespace of its own, in step with one CIGI host: no channel shows a
 # frame of the host before all have shown the one before it. The one that answers the host is killed: the
 # others go on; it comes back and joins. 1000 frames, or $OTWD_STEP_FRAMES of them.
+# shellcheck disable=SC2317 # wait_for calls functions by their names
 . "$(dirname "$0")/common.sh"
 
 frames=${OTWD_STEP_FRAMES:-1000}
@@ -112,11 +113,13 @@ together() {
           if ($4 > last[$1]) last[$1] = $4 }
         END {
             for (n = from; n <= to; n++) {
-                if (count[n] != 3 || sum[n] != 6) { print "frame", n, "was shown", count[n] + 0, "times"; bad = 1 }
-                if (n > from && first[n] <= last[n - 1]) { print "frame", n, "was shown before all had shown", n - 1; bad = 1 }
+                if (count[n] != 3 || sum[n] != 6) {
+                    print "frame", n, "was shown", count[n] + 0, "times"; bad = 1 }
+                if (n > from && first[n] <= last[n - 1]) {
+                    print "frame", n, "was shown before all had shown", n - 1; bad = 1 }
                 skew = last[n] - first[n]; if (skew > worst) worst = skew
                 total += skew }
-            printf "frames %d to %d: %d, skew %.3f ms mean, %.3f ms worst, %.1f a second\n", from, to, to - from + 1,
+            printf "frames %d to %d: skew %.3f ms mean, %.3f ms worst, %.1f a second\n", from, to,
                 total / (to - from + 1), worst, 1000 * (to - from) / (last[to] - first[from])
             exit bad + 0 }' swaps
 }
@@ -134,6 +137,9 @@ wait_for 250 shown $((3 * frames + $(wc -l <swaps) + 30)) || fatal "$(wc -l <swa
 last=$(last_number)
 [ $((last - first)) -ge "$frames" ] || fail "frames $first to $last, less than $frames"
 together "$first" "$last" || fail "the channels are out of step"
+
+in_space 2 "$OTWD" status >status.txt
+grep "^swap lock  *3 of 3 in step, [1-9][0-9]* frames" status.txt || fail "no lock in: $(cat status.txt)"
 
 # the channel that answers the host dies: so do its frames, alone
 kill -KILL "$first_pid"
