@@ -132,11 +132,20 @@ static void wait_in_step(struct frame_loop *loop, nsec_t frame_ns, nsec_t until_
            wait_for_host(loop->thread, until_ns));
 }
 
+/* This channel answers the host, and what the host said last has not been shown: it is a frame
+ * ahead, and would stay so, and channels would differ in which of two frames they find, if it were
+ * asked for another. */
+static bool host_is_ahead(const struct frame_loop *loop, nsec_t frame_ns)
+{
+    return loop->swap && loop->input.wait_ns > 0 && swap_lock_speaks(&loop->swap->lock) &&
+           !swap_lock_was_shown(&loop->swap->lock, label_of(loop, frame_ns));
+}
+
 /* Tells the event loop that a frame begins, and waits for the host that leads, if one does. */
 static void begin_frame(struct frame_loop *loop, nsec_t frame_ns)
 {
     struct render_thread *thread = loop->thread;
-    if (!loop->input.tells_begin)
+    if (!loop->input.tells_begin || host_is_ahead(loop, frame_ns))
         return;
     while (sem_trywait(&thread->go) == 0)
         ; /* an answer that came after its time */

@@ -2,6 +2,7 @@
 
 #include <errno.h>
 #include <modbus/modbus.h>
+#include <poll.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/socket.h>
@@ -32,21 +33,33 @@ static int error_code(int error)
     return error >= MODBUS_ENOBASE ? -EPROTO : error == EINPROGRESS ? -ETIMEDOUT : -error;
 }
 
+/* libmodbus leaves its socket non-blocking. */
+static bool receive_all(int fd, unsigned timeout_ms, uint8_t *ret_data, size_t size)
+{
+    struct pollfd poll_fd = {.fd = fd, .events = POLLIN};
+    while (size > 0) {
+        ssize_t n = poll(&poll_fd, 1, (int)timeout_ms) > 0 ? recv(fd, ret_data, size, 0) : -1;
+        if (n <= 0)
+            return false;
+        ret_data += n;
+        size -= (size_t)n;
+    }
+    return true;
+}
+
 /* Reads the private object of device identification, which libmodbus does not know. An otwd without
  * a swap lock, or an older one, refuses it: all zero. */
 static void read_swap(int fd, unsigned unit, unsigned timeout_ms, struct health_swap *ret_swap)
 {
     const uint8_t request[] = {0, 1, 0, 0, 0, 5, (uint8_t)unit, 0x2b, 0x0e, 4, HEALTH_SWAP_OBJECT};
-    const struct timeval patience = {timeout_ms / 1000, timeout_ms % 1000 * 1000};
     uint8_t head[7], body[256];
     char text[HEALTH_SWAP_TEXT_MAX] = "";
     *ret_swap = (struct health_swap){0};
-    setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof(patience));
     if (send(fd, request, sizeof(request), MSG_NOSIGNAL) != sizeof(request) ||
-        recv(fd, head, sizeof(head), MSG_WAITALL) != sizeof(head))
+        !receive_all(fd, timeout_ms, head, sizeof(head)))
         return;
     size_t size = (size_t)(head[4] << 8 | head[5]) - 1;
-    if (size > sizeof(body) || recv(fd, body, size, MSG_WAITALL) != (ssize_t)size || size < 9 ||
+    if (size > sizeof(body) || size < 9 || !receive_all(fd, timeout_ms, body, size) ||
         body[0] != 0x2b || body[8] != size - 9 || body[8] >= sizeof(text))
         return;
     memcpy(text, body + 9, body[8]);

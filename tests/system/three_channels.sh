@@ -1,6 +1,6 @@
 #!/bin/sh
-# Left, front and right, each in a network namespace of its own, in step with one CIGI host: no channel shows a
-# frame of the host before all have shown the one before it. The one that answers the host is killed: the
+# Left, front and right, each in a network namespace of its own, in step with one CIGI host: none shows
+# a frame of the host before all have shown the one before it. The one that answers the host is killed: the
 # others go on; it comes back and joins. 1000 frames, or $OTWD_STEP_FRAMES of them.
 # shellcheck disable=SC2317 # wait_for calls functions by their names
 . "$(dirname "$0")/common.sh"
@@ -133,7 +133,8 @@ start send.log ip netns exec "$space.host" "$OTWD" send flight.csv --protocol ci
     --to udp://239.192.0.2:8004 --listen "$host:8005"
 wait_for 40 steady || fatal "the channels are not in step"
 first=$(($(last_number) + 5))
-wait_for 250 shown $((3 * frames + $(wc -l <swaps) + 30)) || fatal "$(wc -l <swaps) frames were shown, too few"
+wait_for 250 shown $((3 * frames + $(wc -l <swaps) + 30)) ||
+    fatal "$(wc -l <swaps) frames were shown, too few"
 last=$(last_number)
 [ $((last - first)) -ge "$frames" ] || fail "frames $first to $last, less than $frames"
 together "$first" "$last" || fail "the channels are out of step"
@@ -144,7 +145,8 @@ grep "^swap lock  *3 of 3 in step, [1-9][0-9]* frames" status.txt || fail "no lo
 # the channel that answers the host dies: so do its frames, alone
 kill -KILL "$first_pid"
 for i in 2 3; do
-    wait_for 10 logged_by $i "2 of 3 channels are in step fault=601" || fail "channel $i does not miss channel 1"
+    wait_for 10 logged_by $i "2 of 3 channels are in step fault=601" ||
+        fail "channel $i does not miss channel 1"
 done
 lines=$(wc -l <swaps)
 wait_for 20 shown $((lines + 100)) || fatal "the others stand still without channel 1"
@@ -161,7 +163,8 @@ wait_for 20 shown $((lines + 300)) || fail "the channels stand still with channe
 together "$first" "$(last_number)" || fail "the channels are out of step after channel 1 came back"
 # one that ends says so
 kill -TERM "$third_pid"
-wait_for 5 logged_by 3 "channel 3 of 3: .* frames in the swap lock" || fail "what channel 3 counted is not told"
+wait_for 5 logged_by 3 "channel 3 of 3: .* frames in the swap lock" ||
+    fail "what channel 3 counted is not told"
 lines=$(wc -l <swaps)
 wait_for 20 shown $((lines + 100)) || fail "the others stand still without channel 3"
 finish
