@@ -470,6 +470,26 @@ static void who_has_nothing_newer_is_not_waited_for(void)
     CHECK_INT(one.counts.out_of_step, 1); /* the other one showed 7 until now, we 8 */
 }
 
+static void who_dies_while_there_is_nothing_to_show_is_given_up(void)
+{
+    struct swap_lock two;
+    const struct swap_params params = {
+        .channel = 2, .channels = 2, .session = 2, .timeout_ns = TIMEOUT_NS};
+    const struct swap_message one = {
+        .kind = SWAP_READY, .label = {SWAP_HOST, 7}, .channel = 1, .channels = 2, .session = 1};
+    swap_lock_init(&two, &params);
+    swap_lock_begin(&two, one.label, 0);
+    swap_lock_take(&two, &one, 1);
+    swap_lock_show(&two, 1, 1);
+    CHECK(!swap_lock_speaks(&two));
+    swap_lock_pass(&two, TIMEOUT_NS);
+    CHECK(!swap_lock_speaks(&two)); /* it was heard less than the time-out ago */
+    CHECK_INT(two.counts.present, 2);
+    swap_lock_pass(&two, TIMEOUT_NS + 1);
+    CHECK(swap_lock_speaks(&two)); /* the host is asked again */
+    CHECK_INT(two.counts.present, 1);
+}
+
 static void strangers_and_namesakes_are_counted_and_not_followed(void)
 {
     struct swap_lock lock;
@@ -541,6 +561,8 @@ int main(void)
         {"the first channel in step speaks to the host",
          the_first_channel_in_step_speaks_to_the_host},
         {"who has nothing newer is not waited for", who_has_nothing_newer_is_not_waited_for},
+        {"who dies while there is nothing to show is given up",
+         who_dies_while_there_is_nothing_to_show_is_given_up},
         {"strangers and namesakes are counted and not followed",
          strangers_and_namesakes_are_counted_and_not_followed},
         {"skew is told by the shared clock", skew_is_told_by_the_shared_clock},
