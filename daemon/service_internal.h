@@ -17,6 +17,7 @@
 #include "io/source.h"
 #include "render/window.h"
 
+struct cigi_lead;
 struct service;
 
 /* A source of the configuration, open or waiting to be. */
@@ -57,7 +58,8 @@ struct service {
     unsigned slot_count;
     struct source_totals closed;
     struct arbiter arbiter;
-    int driving; /* whose pose was published last */
+    int driving;              /* whose pose was published last */
+    struct cigi_lead *leader; /* the CIGI host whose view, air and sky are in `input`, or NULL */
     bool has_pose;
 
     struct render_thread *render;
