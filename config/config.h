@@ -219,6 +219,9 @@ int config_load(const char *path, struct config *ret_config, struct config_error
 void config_finish(struct config *config);
 void config_errors_finish(struct config_errors *errors);
 
+/* Whether two sources of loaded configurations say the same. */
+bool config_source_same(const struct config_source *a, const struct config_source *b);
+
 /* The table of a source of type can-table. */
 struct can_table config_can_table(const struct config_source *source);
 
