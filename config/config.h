@@ -82,7 +82,7 @@ struct config_environment {
     double visibility_m;
     char time_utc[CONFIG_TEXT_MAX]; /* ISO 8601, empty: now */
     nsec_t time_utc_ns;             /* since 1970; 0 where time_utc is empty */
-    bool atmosphere;
+    bool atmosphere;                /* false: no haze, whatever the visibility */
 };
 
 enum config_source_type {

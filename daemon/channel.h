@@ -21,6 +21,7 @@ struct channel_params {
     unsigned cache_mib; /* of decoded tiles of the database */
     struct dig *dig; /* what another thread digs in it, shown at once; NULL = what is in the file */
     double visibility_m;
+    bool clear_air;        /* no haze, whatever the visibility */
     bool cache_programs;   /* compiled shaders are kept from run to run */
     struct window *window; /* shows the frames too; NULL = headless */
 };
