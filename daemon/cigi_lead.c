@@ -65,9 +65,15 @@ static void use_sky(struct cigi_lead *lead, const struct cigi_scene *scene)
 {
     struct service *service = lead->slot->service;
     nsec_t offset_ns = scene->has_utc ? scene->utc_ns - scene->now_ns : 0;
-    if (scene->has_utc == lead->has_utc && llabs(offset_ns - lead->utc_offset_ns) < UTC_STEP_NS)
+    bool stands = scene->has_utc && !scene->celestial.ephemeris;
+    bool same = stands ? scene->utc_ns == lead->utc_ns
+                       : llabs(offset_ns - lead->utc_offset_ns) < UTC_STEP_NS;
+    /* Time that stands is set with every frame, unless the operator has set another. */
+    bool held = stands && service->input.utc_offset_ns == lead->utc_offset_ns;
+    if (scene->has_utc == lead->has_utc && same && !held)
         return;
     lead->has_utc = scene->has_utc;
+    lead->utc_ns = scene->utc_ns;
     lead->utc_offset_ns = offset_ns;
     if (scene->has_utc)
         service_set_time(service, offset_ns);

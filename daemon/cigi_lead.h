@@ -13,6 +13,7 @@ struct cigi_lead {
     struct cigi_session *session;
     double visibility_m; /* as the host said last; 0 = nothing */
     bool has_utc;
+    nsec_t utc_ns;                         /* likewise, when it was set */
     nsec_t utc_offset_ns;                  /* likewise */
     struct cigi_view_definition not_drawn; /* the last that cannot be */
     struct traffic traffic;                /* as published last */

@@ -14,6 +14,7 @@ static struct config_source configs[2] = {{.name = "first", .view = VIEW},
                                           {.name = "second", .view = VIEW}};
 static struct cigi_lead leads[2];
 static struct cigi_host hosts[2];
+static nsec_t now_ns; /* at which messages come and frames are seen */
 
 /* A message of a host, with one packet more. */
 static void say(int host, const struct cigi_packet *packet)
@@ -22,13 +23,13 @@ static void say(int host, const struct cigi_packet *packet)
     struct cigi_session *session = leads[host].session;
     struct cigi_writer writer;
     struct rejection why = {.text = ""};
-    cigi_host_begin(&hosts[host], NSEC_PER_SEC, data, &writer);
+    cigi_host_begin(&hosts[host], now_ns, data, &writer);
     CHECK(cigi_write(&writer, packet));
-    int r = cigi_session_receive(session, data, writer.size, NSEC_PER_SEC, &why);
+    int r = cigi_session_receive(session, data, writer.size, now_ns, &why);
     if (r != 0)
         CHECK_FAIL("%d: %s", r, why.text);
-    cigi_session_begin(session, NSEC_PER_SEC, NULL);
-    size_t size = cigi_session_message(session, NSEC_PER_SEC, data);
+    cigi_session_begin(session, now_ns, NULL);
+    size_t size = cigi_session_message(session, now_ns, data);
     CHECK_INT(cigi_host_receive(&hosts[host], data, size, NULL, &why), 0);
 }
 
@@ -38,11 +39,17 @@ static void say_visibility(int host, float visibility_m)
                                     .atmosphere = {.enable = 1, .visibility_m = visibility_m}});
 }
 
+static void say_time(int host, uint8_t hour, uint8_t runs)
+{
+    say(host,
+        &(struct cigi_packet){
+            .kind = CIGI_CELESTIAL,
+            .celestial = {.hour = hour, .ephemeris = runs, .date_valid = 1, .date = 6212026}});
+}
+
 static void say_hour(int host, uint8_t hour)
 {
-    say(host, &(struct cigi_packet){
-                  .kind = CIGI_CELESTIAL,
-                  .celestial = {.hour = hour, .ephemeris = 1, .date_valid = 1, .date = 6212026}});
+    say_time(host, hour, 1);
 }
 
 static void say_right_edge(int host, float right_deg)
@@ -54,6 +61,7 @@ static void say_right_edge(int host, float right_deg)
 
 static void begin(void)
 {
+    now_ns = NSEC_PER_SEC;
     service = (struct service){.config = {.environment = {.visibility_m = CONFIGURED_M}}};
     service.config.environment.time_utc_ns = NOON_UTC_NS;
     service.render_params.channel.geometry = (struct channel_geometry){
@@ -80,10 +88,10 @@ static void end(void)
         cigi_session_destroy(leads[i].session);
 }
 
-/* Of the day, as the picture has it at the instant that the hosts' messages hold for. */
+/* Of the day, as the picture has it now. */
 static double hour_shown(void)
 {
-    nsec_t utc_ns = NSEC_PER_SEC + service.input.utc_offset_ns;
+    nsec_t utc_ns = now_ns + service.input.utc_offset_ns;
     return seconds_from_ns(utc_ns % (86400 * NSEC_PER_SEC)) / 3600.0;
 }
 
@@ -139,6 +147,36 @@ static void a_control_holds_until_the_host_changes_the_same_thing(void)
     end();
 }
 
+static void take_after(nsec_t passed_ns)
+{
+    now_ns += passed_ns;
+    cigi_session_begin(leads[0].session, now_ns, NULL);
+    cigi_lead_take(&leads[0]);
+}
+
+static void time_that_stands_does_until_the_operator_sets_another(void)
+{
+    begin();
+    take_after(60 * NSEC_PER_SEC);
+    CHECK_NEAR(hour_shown(), 1.0 + 1.0 / 60.0, 1e-6); /* it runs */
+    say_time(0, 6, 0);
+    for (int i = 0; i < 3; i++) {
+        take_after(60 * NSEC_PER_SEC);
+        CHECK_NEAR(hour_shown(), 6.0, 1e-6);
+    }
+    service_set_time(&service, 18 * 3600 * NSEC_PER_SEC - now_ns);
+    take_after(NSEC_PER_SEC);
+    CHECK_NEAR(hour_shown(), 18.0 + 1.0 / 3600.0, 1e-6);
+    say_time(0, 7, 0);
+    take_after(60 * NSEC_PER_SEC);
+    take_after(60 * NSEC_PER_SEC);
+    CHECK_NEAR(hour_shown(), 7.0, 1e-6);
+    say_time(0, 7, 1);
+    take_after(60 * NSEC_PER_SEC);
+    CHECK_NEAR(hour_shown(), 7.0 + 1.0 / 60.0, 1e-6);
+    end();
+}
+
 static void after_a_new_configuration_the_host_has_it_all_again(void)
 {
     begin();
@@ -158,6 +196,8 @@ int main(void)
         {"a host that takes over keeps what it has", a_host_that_takes_over_keeps_what_it_has},
         {"a control holds until the host changes the same thing",
          a_control_holds_until_the_host_changes_the_same_thing},
+        {"time that stands does, until the operator sets another",
+         time_that_stands_does_until_the_operator_sets_another},
         {"after a new configuration the host has it all again",
          after_a_new_configuration_the_host_has_it_all_again},
     };
