@@ -87,7 +87,6 @@ static void publish_traffic(struct cigi_lead *lead)
     const struct cigi_scene *scene = cigi_session_scene(lead->session);
     struct traffic *traffic = &lead->traffic;
     size_t before = traffic->count;
-    traffic->time_ns = scene->now_ns;
     traffic->count = cigi_scene_seen(scene, cigi_lead_view(lead)->entity, service_ground(service),
                                      traffic->list, TRAFFIC_MAX);
     if (service->render && traffic->count + before > 0)
