@@ -21,10 +21,12 @@ expect 66 'absent.yaml' "$OTWD" run -c absent.yaml
 expect 64 'unexpected argument' "$OTWD" run otwd.yaml
 expect 78 'typo.yaml:3:3: ' "$OTWD" check-config typo.yaml
 
-# A sentence that cuts a long key within a letter is told all the same, and so is a path that is no UTF-8.
-printf 'display: {x' >letters.yaml
-printf 'ä%.0s' 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24 25 26 27 28 29 30 >>letters.yaml
-printf ': 1}\n' >>letters.yaml
+# A sentence that cuts a long key within a letter is told all the same; so is a path that is no UTF-8.
+{
+    printf 'display: {x'
+    for _ in 1 2 3 4 5 6; do printf 'äääää'; done
+    echo ': 1}'
+} >letters.yaml
 expect 78 '"message": "letters.yaml:1:11: unknown key' "$OTWD" check-config --json letters.yaml
 path=$(printf 'caf\351.yaml')
 cp typo.yaml "$path"
