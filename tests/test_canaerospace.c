@@ -295,6 +295,83 @@ static void a_fix_is_never_made_of_two_cycles(void)
     }
 }
 
+/* One latitude, and a cycle later one longitude: nothing is known of cycles yet. */
+static void nor_is_the_first_one(void)
+{
+    struct canaerospace state;
+    struct pose_sample sample;
+    canaerospace_init(&state);
+    feed_float(&state, CAN_GPS_HEIGHT, 500, NSEC_PER_SEC, &sample);
+    feed_float(&state, CAN_GPS_LATITUDE, 46, NSEC_PER_SEC, &sample);
+    nsec_t later_ns = NSEC_PER_SEC + 100 * NSEC_PER_MSEC;
+    CHECK_INT(feed_float(&state, CAN_GPS_LONGITUDE, 9, later_ns, &sample), 0);
+    feed_float(&state, CAN_GPS_HEIGHT, 500, later_ns, &sample);
+    CHECK_INT(feed_float(&state, CAN_GPS_LATITUDE, 47, later_ns, &sample), 1);
+    CHECK_NEAR(sample.pose.position.lat_deg, 47, 0);
+}
+
+/* Its height belongs to a fix: while it is lost there is none, and after three cycles another one's
+ * has to do. */
+static void a_height_of_another_cycle_is_not_taken_while_it_can_be_waited_for(void)
+{
+    struct canaerospace state;
+    struct pose_sample sample;
+    canaerospace_init(&state);
+    for (int i = 0; i < 12; i++) {
+        nsec_t now_ns = NSEC_PER_SEC + i * 100 * NSEC_PER_MSEC;
+        bool lost = i == 3 || i >= 6;
+        feed_float(&state, CAN_GPS_LATITUDE, 46 + i, now_ns, &sample);
+        int made = feed_float(&state, CAN_GPS_LONGITUDE, 8 + i, now_ns, &sample);
+        if (!lost)
+            made |= feed_float(&state, CAN_GPS_HEIGHT, 500 + i, now_ns, &sample);
+        CHECK_INT(made, i > 0 && (!lost || i >= 8));
+        if (made)
+            CHECK_NEAR(sample.pose.position.height_m, lost ? 505 : 500 + i, 0);
+    }
+}
+
+/* North by 4 m/s each second, and a turn of 8 deg/s through north, of which frames are lost. */
+static void what_was_lost_goes_on_as_it_went(void)
+{
+    struct canaerospace state;
+    struct canaerospace_encoder encoder = {.node = 1, .position_every = 8};
+    double worst_deg = 0.0, worst_mps = 0.0;
+    nsec_t fix_ns = 0;
+    int fixes = 0;
+    canaerospace_init(&state);
+    for (int i = 0; i < 400; i++) {
+        double t_s = i / 80.0, heading_deg = heading_normalised_deg(340.0 + 8.0 * t_s);
+        nsec_t now_ns = NSEC_PER_SEC + i * 12500000ll;
+        struct pose pose = {.valid = POSE_POSITION | POSE_ATTITUDE | POSE_VELOCITY,
+                            .position = {1e-6 * i, 0.0, 0.0},
+                            .attitude = {0.0, 0.0, heading_deg},
+                            .velocity_ned_mps = {10.0 + 4.0 * t_s}};
+        struct can_frame frames[CANAEROSPACE_FRAMES_MAX];
+        size_t count = canaerospace_encode(&encoder, &pose, frames);
+        for (size_t k = 0; k < count; k++) {
+            struct pose_sample sample;
+            bool lost = (frames[k].can_id == canaerospace_id(CAN_TRUE_HEADING) && i % 7 == 0) ||
+                        (frames[k].can_id == canaerospace_id(CAN_NORTH) && i % 3 == 0);
+            if (lost || canaerospace_take(&state, &frames[k], now_ns, &sample, NULL) <= 0 || i < 80)
+                continue;
+            double t_then_s = seconds_from_ns(sample.pose.time_ns - NSEC_PER_SEC);
+            double off_deg =
+                remainder(sample.pose.attitude.heading_deg - (340.0 + 8.0 * t_then_s), 360.0);
+            worst_deg = fmax(worst_deg, fabs(off_deg));
+            nsec_t at_ns = sample.pose.time_ns - sample.pose.position_age_ns;
+            if (at_ns == fix_ns)
+                continue;
+            fix_ns = at_ns;
+            fixes++;
+            double true_mps = 10.0 + 4.0 * seconds_from_ns(at_ns - NSEC_PER_SEC);
+            worst_mps = fmax(worst_mps, fabs(sample.pose.velocity_ned_mps[0] - true_mps));
+        }
+    }
+    CHECK_INT(fixes, 40);
+    CHECK(worst_deg < 0.02); /* 0.1 where the last one stands */
+    CHECK(worst_mps < 0.01); /* 0.05 */
+}
+
 static void ins_stands_in_when_gps_falls_silent(void)
 {
     struct canaerospace state;
@@ -347,6 +424,10 @@ static const struct check_test tests[] = {
     {"a magnetic heading needs its variation", magnetic_heading_needs_its_variation},
     {"velocity is found in whatever axes there are", velocity_is_found_in_whatever_axes_there_are},
     {"a fix is never made of two cycles", a_fix_is_never_made_of_two_cycles},
+    {"nor is the first one", nor_is_the_first_one},
+    {"a height of another cycle is not taken while its own can be waited for",
+     a_height_of_another_cycle_is_not_taken_while_it_can_be_waited_for},
+    {"what was lost goes on as it went", what_was_lost_goes_on_as_it_went},
     {"INS stands in when GPS falls silent", ins_stands_in_when_gps_falls_silent},
     {"the identification service is answered", the_identification_service_is_answered},
 };
