@@ -42,6 +42,7 @@ struct intake_params config_intake(const struct config_source *source, struct ge
         .geoid = geoid_function_of(geoid),
         .dis = {.exercise = source->exercise, .id = source->entity_id},
         .table = config_can_table(source),
+        .redundancy = source->redundancy,
     };
 }
 

@@ -54,7 +54,7 @@ void intake_init(struct intake *intake, const struct intake_params *params)
 {
     assert(params->geoid.undulation_m);
     *intake = (struct intake){.params = *params, .agl_m = NAN};
-    canaerospace_init(&intake->can);
+    canaerospace_init(&intake->can, params->redundancy);
     dis_tracker_init(&intake->dis, &params->dis);
 }
 
@@ -235,9 +235,10 @@ size_t intake_can_ids(const struct intake_params *params, uint32_t ret_ids[INTAK
     size_t count = 0;
     if (params->protocol == POSE_PROTOCOL_CANAEROSPACE) {
         for (int i = 0; i < CAN_QUANTITIES; i++) {
-            uint32_t id = canaerospace_id((enum can_quantity)i);
+            uint32_t id = canaerospace_id((enum can_quantity)i, params->redundancy);
             ret_ids[count++] = id;
-            ret_ids[count++] = id | CAN_EFF_FLAG;
+            if (params->redundancy == 0)
+                ret_ids[count++] = id | CAN_EFF_FLAG;
         }
         return count;
     }

@@ -43,6 +43,7 @@ struct intake_params {
     struct geoid_function geoid; /* required */
     struct dis_filter dis;       /* whom a DIS source follows */
     struct can_table table;      /* of POSE_PROTOCOL_CAN_TABLE */
+    unsigned redundancy;         /* the channel of CANaerospace */
 };
 
 struct intake_counters {
