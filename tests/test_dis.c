@@ -369,6 +369,34 @@ static void only_the_entity_that_was_asked_for_drives(void)
     CHECK_INT(dis_tracker_take(&tracker, datagram, datagram_size, &sample, NULL), 0);
 }
 
+/* What is wrong with one PDU of a datagram costs no other, unless nobody can tell where it begins.
+ */
+static void of_several_the_sound_ones_count(void)
+{
+    struct intake intake;
+    struct dis_entity entity = example_entity();
+    struct pose pose;
+    intake_init(&intake, &(struct intake_params){.protocol = POSE_PROTOCOL_DIS, .geoid = geoid});
+    datagram_size = 0;
+    add(&entity);
+    put_be(datagram, 48, 0x7ff8000000000000, 8); /* its place is NaN */
+    entity.timestamp += 2000000;
+    add(&entity);
+    put_be(datagram + datagram_size, 0, 0x0701010100000000, 8); /* and garbage behind it */
+    datagram_size += 16;
+    struct rejection rejection = {.reason = REJECT_NONE};
+    CHECK_INT(intake_packet(&intake, datagram, datagram_size, 1, &pose, &rejection), 1);
+    CHECK_NEAR(pose.position.height_m, 1000.0, 1e-6);
+    CHECK_INT(rejection.reason, REJECT_NOT_FINITE);
+    CHECK_INT(rejection.offset, 48);
+    CHECK_INT(intake.counters.accepted, 1);
+    CHECK_INT(intake_rejected_total(&intake.counters), 1);
+    put_be(datagram, 8, 0, 2); /* its length is nothing: what is behind it cannot be found */
+    CHECK_INT(intake_packet(&intake, datagram, datagram_size, 2, &pose, &rejection), -EBADMSG);
+    CHECK_INT(rejection.reason, REJECT_LENGTH);
+    CHECK_INT(intake.counters.accepted, 1);
+}
+
 static void without_a_name_the_first_that_is_heard_is_followed(void)
 {
     struct dis_tracker tracker;
@@ -555,6 +583,7 @@ static const struct check_test tests[] = {
      every_malformed_pdu_is_refused_with_its_reason},
     {"numbers that the algorithm does not use may be anything",
      numbers_that_the_algorithm_does_not_use_may_be_anything},
+    {"of several PDUs the sound ones count", of_several_the_sound_ones_count},
     {"only the entity that was asked for drives", only_the_entity_that_was_asked_for_drives},
     {"without a name the first that is heard is followed",
      without_a_name_the_first_that_is_heard_is_followed},
