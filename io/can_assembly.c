@@ -13,6 +13,7 @@
 #define LENGTH(array) (sizeof(array) / sizeof((array)[0]))
 
 #define CYCLE_DEFAULT_NS (100 * NSEC_PER_MSEC) /* of the position, until two have come */
+#define TOGETHER_NS      (4 * NSEC_PER_MSEC)   /* what comes within that is of one cycle */
 #define HEIGHT_GONE      3   /* cycles of the position without it: then another height has to do */
 #define SLOPE_S          0.1 /* over which it is taken, and may be used */
 #define SLOPE_MOST       300.0 /* m/s^2 or deg/s: beyond it somebody was moved */
@@ -312,8 +313,9 @@ static bool complete_fix(struct can_assembly *assembly, enum can_quantity quanti
     const struct can_piece *lat = &assembly->pieces[gps ? CAN_GPS_LATITUDE : CAN_INS_LATITUDE];
     const struct can_piece *lon = lat + 1, *height = lat + 2, *mine = &assembly->pieces[quantity];
     nsec_t cycle_ns = cycle_of_fix(lat, lon);
+    nsec_t apart_ns = cycle_ns / 2 > TOGETHER_NS ? cycle_ns / 2 : TOGETHER_NS;
     for (int i = 0; i < 3; i++)
-        if (mine->time_ns - lat[i].time_ns > cycle_ns / 2)
+        if (mine->time_ns - lat[i].time_ns > apart_ns)
             fix->fresh &= ~(1u << i);
     fix->fresh |= 1u << (mine - lat);
     bool as_often = height->known && height->cycle_ns < 2 * cycle_ns &&

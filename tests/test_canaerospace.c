@@ -313,6 +313,23 @@ static void nor_is_the_first_one(void)
     CHECK_NEAR(sample.pose.position.lat_deg, 47, 0);
 }
 
+/* Two cycles of a sender that was held up come within a millisecond; then it goes on. */
+static void a_burst_does_not_stop_fixes(void)
+{
+    static const int times_ms[] = {0, 100, 200, 300, 400, 401, 500, 600, 700};
+    struct canaerospace state;
+    struct pose_sample sample;
+    canaerospace_init(&state, 0);
+    feed_float(&state, CAN_TRUE_ALTITUDE, 500, NSEC_PER_SEC, &sample);
+    for (int i = 0; i < 9; i++) {
+        nsec_t now_ns = NSEC_PER_SEC + times_ms[i] * NSEC_PER_MSEC;
+        feed_float(&state, CAN_GPS_LATITUDE, 46 + i, now_ns, &sample);
+        now_ns += 800 * NSEC_PER_USEC;
+        CHECK_INT(feed_float(&state, CAN_GPS_LONGITUDE, 8, now_ns, &sample), 1);
+        CHECK_NEAR(sample.pose.position.lat_deg, 46 + i, 0);
+    }
+}
+
 /* Its height belongs to a fix: while it is lost there is none, and after three cycles another one's
  * has to do. */
 static void a_height_of_another_cycle_is_not_taken_while_it_can_be_waited_for(void)
@@ -485,6 +502,7 @@ static const struct check_test tests[] = {
     {"velocity is found in whatever axes there are", velocity_is_found_in_whatever_axes_there_are},
     {"a fix is never made of two cycles", a_fix_is_never_made_of_two_cycles},
     {"nor is the first one", nor_is_the_first_one},
+    {"a burst does not stop fixes", a_burst_does_not_stop_fixes},
     {"a height of another cycle is not taken while its own can be waited for",
      a_height_of_another_cycle_is_not_taken_while_it_can_be_waited_for},
     {"what was lost goes on as it went", what_was_lost_goes_on_as_it_went},
