@@ -1,6 +1,7 @@
 /* From packets to frames: a protocol's byte, then packets, each behind two bytes of the time that
  * passed (quarters of a millisecond) and two of its length (both big-endian; a CAN frame is 16
- * bytes long, as in fuzz_canaerospace). What is accepted is sane and so is every frame, whenever
+ * bytes long, as in fuzz_canaerospace). The length's highest bit makes it another source's, the
+ * next one says that sources are silent. What is accepted is sane and so is every frame, whenever
  * the packets came. */
 #include <stdlib.h>
 #include <string.h>
@@ -54,16 +55,18 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     motion_init(&motion, &(struct motion_params){.delay_ns = 40 * NSEC_PER_MSEC,
                                                  .extrapolate_ns = 250 * NSEC_PER_MSEC});
     for (data++, size--; size >= 4;) {
-        size_t length = (size_t)data[2] << 8 | data[3];
+        size_t length = (size_t)(data[2] & 0x3f) << 8 | data[3];
+        int source = data[2] >> 7;
         struct pose pose;
         now_ns += (nsec_t)(data[0] << 8 | data[1]) * 250 * NSEC_PER_USEC;
+        motion_set_live(&motion, !(data[2] & 0x40));
         data += 4;
         size -= 4;
         length = length < size ? length : size;
         int r = take(&intake, data, length, now_ns, &pose);
         check(r > 0, &pose);
         if (r > 0)
-            motion_put(&motion, 0, &pose);
+            motion_put(&motion, source, &pose);
         check(intake_carry(&intake, now_ns, &pose), &pose);
         check(motion_show(&motion, now_ns, &pose), &pose);
         data += length;
