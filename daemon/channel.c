@@ -170,6 +170,7 @@ void channel_draw(struct channel *channel, const struct pose *pose, const struct
     renderer_draw(channel->renderer, &view);
     if (!channel->gl.software)
         expect(channel, next, complete);
+    ret_frame->draw_cpu_ms = milliseconds_from_ns(clock_thread_cpu_ns() - start_cpu_ns);
     if (channel->window)
         window_show(channel->window, renderer_framebuffer(channel->renderer));
     renderer_finish(channel->renderer, &ret_frame->renderer);

@@ -32,8 +32,9 @@ struct channel_params {
 struct channel_frame {
     struct view view;
     struct renderer_frame renderer;
-    double frame_ms; /* from taking the pose to the finished frame */
-    double cpu_ms;   /* of the calling thread */
+    double frame_ms;    /* from taking the pose to the finished frame */
+    double cpu_ms;      /* of the calling thread */
+    double draw_cpu_ms; /* of it, until all is commanded: before the wait for the GPU */
     nsec_t finished_ns;
 };
 
