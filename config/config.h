@@ -130,6 +130,7 @@ struct config_source {
     struct dis_id entity_id;              /* the same */
     unsigned exercise;                    /* dis only; 0 = any */
     bool allow_transmit;                  /* canaerospace only */
+    unsigned redundancy;                  /* canaerospace only: the channel */
     struct config_can_field *fields;      /* can-table only; fields_count of them, owned */
     unsigned fields_count;
     enum config_altitude altitude;

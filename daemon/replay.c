@@ -140,6 +140,7 @@ static void count_poses(const struct flight *flight, struct report *report)
     const struct intake_counters *counters = &flight->counters;
     report->poses = (struct report_poses){.received = counters->received,
                                           .rejected = intake_rejected_total(counters),
+                                          .others = counters->others,
                                           .lost = counters->lost,
                                           .reordered = counters->reordered};
 }

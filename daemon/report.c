@@ -176,10 +176,11 @@ json_t *report_json(const struct report *report, const struct report_facts *fact
                                   facts->gpu_memory_mib));
     json_object_set_new(
         root, "pose",
-        json_pack("{s:I,s:I,s:I,s:I,s:o}", "received", (json_int_t)report->poses.received,
-                  "rejected", (json_int_t)report->poses.rejected, "lost",
-                  (json_int_t)report->poses.lost, "reordered", (json_int_t)report->poses.reordered,
-                  "age_ms", json_pair(report, pose_age_ms, "p99")));
+        json_pack("{s:I,s:I,s:I,s:I,s:I,s:o}", "received", (json_int_t)report->poses.received,
+                  "rejected", (json_int_t)report->poses.rejected, "others",
+                  (json_int_t)report->poses.others, "lost", (json_int_t)report->poses.lost,
+                  "reordered", (json_int_t)report->poses.reordered, "age_ms",
+                  json_pair(report, pose_age_ms, "p99")));
     const struct loader_counts *loader = &facts->loader;
     uint64_t asked = loader->tile_hits + loader->tile_misses;
     json_object_set_new(

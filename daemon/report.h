@@ -23,7 +23,7 @@ struct report_frame {
 
 /* Counts of the poses behind the frames. */
 struct report_poses {
-    uint64_t received, rejected, lost, reordered;
+    uint64_t received, rejected, others, lost, reordered;
 };
 
 struct report {

@@ -87,29 +87,17 @@ int cigi_source_create(struct source_slot *slot, struct cigi_source **ret_cigi, 
     return 0;
 }
 
-/* What was refused, by reason: " magic 3, length 1". */
-static void list_reasons(const uint64_t rejected[REJECT_REASONS], char *ret_text, size_t size)
-{
-    size_t used = 0;
-    snprintf(ret_text, size, " nothing");
-    for (int i = 1; i < REJECT_REASONS && used < size; i++)
-        if (rejected[i])
-            used += (size_t)snprintf(ret_text + used, size - used, "%s %s %llu", used ? "," : "",
-                                     reject_reason_name((enum reject_reason)i),
-                                     (unsigned long long)rejected[i]);
-}
-
 static void tell_counters(const struct cigi_source *cigi, const char *when)
 {
     const struct cigi_link *link = cigi_session_link(cigi->session);
     const struct cigi_counters *c = &link->counters;
     const struct log_about source = about(cigi);
     char reasons[256];
-    list_reasons(c->rejected, reasons, sizeof(reasons));
+    reject_list(c->rejected, reasons, sizeof(reasons));
     log_write(
         NULL, LOG_LEVEL_INFO, &source,
         "source %s%s: CIGI %u.%u, %llu messages, %llu packets used, %llu ignored, %llu "
-        "skipped, %llu unknown, %llu messages lost, %llu requests, %llu responses; refused:%s",
+        "skipped, %llu unknown, %llu messages lost, %llu requests, %llu responses; refused: %s",
         config_of(cigi)->name, when, link->format.major, link->format.minor,
         (unsigned long long)c->messages, (unsigned long long)c->packets,
         (unsigned long long)c->packets_ignored, (unsigned long long)c->skipped,

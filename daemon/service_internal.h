@@ -34,6 +34,7 @@ struct source_slot {
     uint64_t refused;  /* packets, late ones not counted, that were seen */
     uint64_t overrun;  /* packets lost to a full queue that were seen */
     bool failed, lost; /* as logged */
+    bool others;       /* that all is about others was told */
 };
 
 /* Values of the counters that the operator reset. */

@@ -42,6 +42,7 @@ struct intake_params config_intake(const struct config_source *source, struct ge
         .geoid = geoid_function_of(geoid),
         .dis = {.exercise = source->exercise, .id = source->entity_id},
         .table = config_can_table(source),
+        .redundancy = source->redundancy,
     };
 }
 
@@ -120,6 +121,17 @@ static void note_overrun(struct source_slot *slot, nsec_t now_ns)
     slot->overrun_ns = now_ns;
 }
 
+/* Nothing but packets about others may be what is wrong with the configuration. */
+static void note_others(struct source_slot *slot)
+{
+    const struct intake_counters *counters = pose_source_counters(slot->source);
+    if (slot->others || counters->others == 0 || counters->accepted > 0)
+        return;
+    slot->others = true;
+    log_write(NULL, LOG_LEVEL_INFO, &(struct log_about){.source = slot->config->name},
+              "source %s: what comes is sound, but not about own-ship", slot->config->name);
+}
+
 static void on_dig(void *context, struct pose_source *source, const struct dig_message *message,
                    const union address *sender)
 {
@@ -142,6 +154,7 @@ static int on_readable(sd_event_source *event, int fd, uint32_t revents, void *d
         slot->refused_ns = now_ns;
     slot->refused = refused;
     note_overrun(slot, now_ns);
+    note_others(slot);
     return 0;
 }
 
@@ -153,8 +166,22 @@ static void endpoint_of(const struct config_source *config, char *ret_text, size
              bus ? config->interface : config->listen);
 }
 
+static void tell_counters(const struct source_slot *slot)
+{
+    const struct intake_counters *c = pose_source_counters(slot->source);
+    char reasons[256];
+    reject_list(c->rejected, reasons, sizeof(reasons));
+    log_write(NULL, LOG_LEVEL_INFO, &(struct log_about){.source = slot->config->name},
+              "source %s closes: %llu received, %llu poses, %llu about others, %llu lost; "
+              "refused: %s",
+              slot->config->name, (unsigned long long)c->received, (unsigned long long)c->accepted,
+              (unsigned long long)c->others, (unsigned long long)c->lost, reasons);
+}
+
 static void close_slot(struct source_slot *slot)
 {
+    if (slot->source)
+        tell_counters(slot);
     sd_event_source_disable_unref(slot->event);
     cigi_source_destroy(slot->cigi);
     pose_source_close(slot->source);
@@ -291,7 +318,8 @@ static const char *name_of(const struct service *service, int index)
 static void on_switch(void *context, int from, int to)
 {
     const struct service *service = context;
-    log_notice("%s drives, before it %s", name_of(service, to), name_of(service, from));
+    log_notice("%s drives, before it %s (switch %llu)", name_of(service, to),
+               name_of(service, from), (unsigned long long)service->arbiter.switches);
 }
 
 /* How long a source may give no pose. One of DIS gives some until its entity counts as lost. */
