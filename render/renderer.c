@@ -313,6 +313,8 @@ void renderer_redraw_with(struct renderer *renderer, void (*draw)(void *user), v
     bind_scene(renderer);
     bind_geometry(renderer);
     draw(user);
+    clipmap_pass_bind(renderer->clipmap);
+    image_pass_bind(renderer->images);
     shade(renderer);
 }
 

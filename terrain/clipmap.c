@@ -16,10 +16,14 @@
 struct clipmap_shape clipmap_shape(int radius, int block, double finest_step_deg)
 {
     double step_deg = fmin(finest_step_deg, LEAST_DENSE_DEG);
-    struct clipmap_shape shape = {
-        .radius = radius, .block = block, .levels = 1, .depth = (int)ceil(log2(90.0 / step_deg))};
-    if (shape.depth > CLIPMAP_MAX_DEPTH)
-        shape.depth = CLIPMAP_MAX_DEPTH;
+    int depth = (int)ceil(log2(90.0 / step_deg));
+    return clipmap_shape_of_depth(radius, block,
+                                  depth < CLIPMAP_MAX_DEPTH ? depth : CLIPMAP_MAX_DEPTH);
+}
+
+struct clipmap_shape clipmap_shape_of_depth(int radius, int block, int depth)
+{
+    struct clipmap_shape shape = {.radius = radius, .block = block, .levels = 1, .depth = depth};
     while (shape.levels < CLIPMAP_MAX_LEVELS &&
            4 * radius < clipmap_cells(&shape, shape.levels - 1))
         shape.levels++;

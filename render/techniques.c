@@ -1,0 +1,72 @@
+/* The list of techniques, and what is the same for all. */
+#include <math.h>
+#include <string.h>
+
+#include "render/renderer.h"
+#include "render/technique.h"
+#include "render/technique_reference.h"
+
+const struct technique_ops *const techniques[] = {
+    &technique_reference,
+    NULL,
+};
+
+const struct technique_ops *technique_find(const char *name)
+{
+    for (const struct technique_ops *const *ops = techniques; *ops; ops++)
+        if (strcmp((*ops)->name, name) == 0)
+            return *ops;
+    return NULL;
+}
+
+int technique_create(const struct technique_ops *ops, const struct technique_params *params,
+                     struct technique **ret_technique, struct diag *diag)
+{
+    struct technique *technique;
+    int r = ops->create(params, &technique, diag);
+    if (r < 0)
+        return r;
+    r = ops->tune(technique, ops->knob.usual);
+    if (r < 0) {
+        technique_destroy(technique);
+        return diag_set(diag, r, "no memory for technique %s", ops->name);
+    }
+    *ret_technique = technique;
+    return 0;
+}
+
+void technique_destroy(struct technique *technique)
+{
+    if (technique)
+        technique->ops->destroy(technique);
+}
+
+struct showing {
+    struct technique *technique;
+    const struct technique_params *params;
+    struct renderer *renderer;
+    const struct view *view;
+};
+
+static void show(void *user)
+{
+    const struct showing *showing = user;
+    const struct technique_params *params = showing->params;
+    const struct technique_frame frame = {
+        .view = showing->view,
+        .pixel_rad = fabs(showing->view->tan_right - showing->view->tan_left) / params->width,
+        .width = params->width,
+        .height = params->height,
+        .framebuffer = renderer_depth_framebuffer(showing->renderer),
+    };
+    field_texture_bind(params->heights);
+    showing->technique->ops->update(showing->technique, &frame);
+    showing->technique->ops->draw(showing->technique, &frame);
+}
+
+void technique_show(struct technique *technique, const struct technique_params *params,
+                    struct renderer *renderer, const struct view *view)
+{
+    struct showing showing = {technique, params, renderer, view};
+    renderer_redraw_with(renderer, show, &showing);
+}
