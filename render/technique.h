@@ -7,8 +7,9 @@
  * by field_program_create(). While it is called the scene block is bound to uniform buffer 0, the
  * field's heights to FIELD_TEXTURE_UNIT, and `framebuffer` with its viewport, cleared; depth is
  * reversed (near 1, infinity 0; GL_GEQUAL), and nothing is culled. It may bind what else it likes
- * but uniform buffers 0 and 2, and puts framebuffer and viewport back where it drew elsewhere. It
- * leaves depth test, depth function, clip control and colour mask as they were.
+ * but uniform buffers 0 and 2; it puts framebuffer and viewport back where it drew elsewhere,
+ * leaves depth test, depth function, clip control and colour mask as they were, and begins no query
+ * of GL_PRIMITIVES_GENERATED in draw().
  *
  * All calls in the thread that holds the GL context. Frames neither wait for the GPU nor allocate,
  * but where the paper does so. */
@@ -20,6 +21,7 @@
 #include "base/diag.h"
 #include "render/context.h"
 #include "render/field_texture.h"
+#include "render/technique_timer.h"
 #include "render/view.h"
 
 struct renderer;
@@ -98,7 +100,8 @@ int technique_create(const struct technique_ops *ops, const struct technique_par
 /* Legal on NULL. */
 void technique_destroy(struct technique *technique);
 
-/* Draws the frame that the renderer finished last once more by a technique. `view` is that frame's.
- */
+/* Draws the frame that the renderer finished last once more by a technique. `view` is that frame's;
+ * the timer may be NULL. */
 void technique_show(struct technique *technique, const struct technique_params *params,
-                    struct renderer *renderer, const struct view *view);
+                    struct renderer *renderer, const struct view *view,
+                    struct technique_timer *timer);

@@ -46,6 +46,7 @@ struct showing {
     const struct technique_params *params;
     struct renderer *renderer;
     const struct view *view;
+    struct technique_timer *timer;
 };
 
 static void show(void *user)
@@ -61,12 +62,17 @@ static void show(void *user)
     };
     field_texture_bind(params->heights);
     showing->technique->ops->update(showing->technique, &frame);
+    technique_timer_mark(showing->timer, MARK_DRAW);
     showing->technique->ops->draw(showing->technique, &frame);
+    technique_timer_mark(showing->timer, MARK_SHADE);
 }
 
 void technique_show(struct technique *technique, const struct technique_params *params,
-                    struct renderer *renderer, const struct view *view)
+                    struct renderer *renderer, const struct view *view,
+                    struct technique_timer *timer)
 {
-    struct showing showing = {technique, params, renderer, view};
+    struct showing showing = {technique, params, renderer, view, timer};
+    technique_timer_mark(timer, MARK_UPDATE);
     renderer_redraw_with(renderer, show, &showing);
+    technique_timer_mark(timer, MARK_END);
 }

@@ -123,10 +123,10 @@ static struct verdict judge_technique(struct stage *stage, struct technique *ref
         struct quality_difference difference;
         struct view view = pose_view(pose);
         draw(&stage->scene, &view, NULL, NULL, NULL);
-        technique_show(reference, &params, stage->scene.renderer, &view);
+        technique_show(reference, &params, stage->scene.renderer, &view, NULL);
         CHECK_INT(quality_keep(quality, stage->scene.renderer), 0);
         for (unsigned i = 0; i <= technique->ops->history; i++)
-            technique_show(technique, &params, stage->scene.renderer, &view);
+            technique_show(technique, &params, stage->scene.renderer, &view, NULL);
         quality_ask(quality);
         CHECK_INT(quality_judge(quality, stage->scene.renderer, &view, &error_px, NULL), 0);
         CHECK_INT(quality_against_kept(quality, stage->scene.renderer, &difference), 0);
@@ -212,7 +212,7 @@ static void check_manners(struct stage *stage, struct technique *reference,
     struct view view = pose_view(0);
     (void)reference;
     draw(&stage->scene, &view, before, colours_before, NULL);
-    technique_show(technique, &params, stage->scene.renderer, &view);
+    technique_show(technique, &params, stage->scene.renderer, &view, NULL);
     draw(&stage->scene, &view, after, colours_after, &frame);
     CHECK(!frame.failed);
     CHECK(memcmp(before, after, sizeof(before)) == 0);
