@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <sysexits.h>
 #include <unistd.h>
 
@@ -22,6 +23,7 @@
 
 enum {
     OPT_FLIGHT = 256,
+    OPT_REPORT,
     OPT_TECHNIQUES,
     OPT_RATE,
     OPT_ROUNDS,
@@ -33,7 +35,7 @@ enum {
 
 struct techniques_options {
     struct channel_params channel;
-    const char *flight;
+    const char *flight, *report_dir;
     const char *names[ENTRIES_MOST];
     int count;
     double rate_hz, spacing_m;
@@ -55,6 +57,8 @@ static const struct argp_option known[] = {
      "of posts at most (default: the least with which the ground reaches 5 km beyond the flight)",
      0},
     {"pixels", OPT_PIXELS, "N", 0, "of a picture whose error is measured (default 4000)", 0},
+    {"report", OPT_REPORT, "DIR", 0,
+     "write report.json, report.html and pictures of each technique's worst frame", 0},
     {"json", 'j', NULL, 0, "as JSON", 0},
     {0},
 };
@@ -116,6 +120,9 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
         return 0;
     case OPT_FLIGHT:
         options->flight = argument;
+        return 0;
+    case OPT_REPORT:
+        options->report_dir = argument;
         return 0;
     case OPT_TECHNIQUES:
         parse_techniques(state, argument);
@@ -347,6 +354,11 @@ int bench_techniques_main(int argc, char **argv)
     int r = open_all(&comparing, &diag);
     if (r == 0)
         r = compare(&comparing, &diag);
+    const char *directory = comparing.options.report_dir;
+    if (r == 0 && directory) {
+        mkdir(directory, 0777); /* what is wrong with it the files will tell */
+        r = technique_report_write(&comparing.report, &comparing.stage, directory, &diag);
+    }
     if (r == 0)
         (comparing.options.json ? print_json : technique_report_print)(&comparing.report);
     close_all(&comparing);

@@ -82,12 +82,11 @@ static int judge(struct stage *stage, const struct flights_params *params, struc
 }
 
 int flights_show(struct stage *stage, const struct flights_params *params, struct flown *flown,
-                 nsec_t time_ns, struct quality_difference *ret_difference)
+                 nsec_t time_ns, struct view *ret_view, struct quality_difference *ret_difference)
 {
-    struct view view;
-    int r = keep_truth(stage, time_ns, &view);
+    int r = keep_truth(stage, time_ns, ret_view);
     if (r == 0)
-        r = show_kept(stage, params, flown, time_ns, &view);
+        r = show_kept(stage, params, flown, time_ns, ret_view);
     return r < 0 ? r : quality_against_kept(stage->quality, stage->renderer, ret_difference);
 }
 

@@ -36,10 +36,10 @@ void flown_finish(struct flown *flown);
 int flights_fly(struct stage *stage, const struct flights_params *params, struct flown *flown,
                 int count, struct diag *diag);
 
-/* Draws a frame by one of them, as it was judged: the stage's quality_pictures() then has it, the
- * truth and their difference. */
+/* Draws a frame by one of them, as it was judged, with its view: the stage's quality_pictures()
+ * then has it, the truth and their difference. */
 int flights_show(struct stage *stage, const struct flights_params *params, struct flown *flown,
-                 nsec_t time_ns, struct quality_difference *ret_difference);
+                 nsec_t time_ns, struct view *ret_view, struct quality_difference *ret_difference);
 
 /* What the rounds have in common, and how much they differ. */
 struct spread {

@@ -25,3 +25,8 @@ void technique_report_print(const struct technique_report *report);
 
 /* A new reference; NULL without memory. */
 json_t *technique_report_json(const struct technique_report *report);
+
+/* Writes report.json, report.html and the pictures of each technique's worst frame into a directory
+ * that is there. -EIO with a sentence. */
+int technique_report_write(struct technique_report *report, struct stage *stage,
+                           const char *directory, struct diag *diag);
