@@ -151,8 +151,6 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
     case ARGP_KEY_END:
         if (!options->flight)
             argp_error(state, "--flight FLIGHT is missing");
-        if (strcmp(options->channel.technique, "clipmap") != 0)
-            argp_error(state, "--techniques says which are compared");
         if (options->count == 0)
             add_all(state);
         return 0;
@@ -164,7 +162,7 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
 static const struct argp parser = {
     .options = known,
     .parser = parse_option,
-    .children = channel_children,
+    .children = channel_compared_children,
     .doc =
         "Hold techniques for terrain against each other: the same ground, flight, shading and "
         "camera. The setting of each is chosen by measuring, so that all have the same error, "

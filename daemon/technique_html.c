@@ -209,8 +209,7 @@ static void write_pictures(FILE *file, const struct technique_report *report)
                 "<h2>%s at its worst: %.2f dB, at %.2f s</h2>\n"
                 "<figure><img src=\"%s.png\"><figcaption>the picture</figcaption></figure>\n"
                 "<figure><img src=\"%s-difference.png\"><figcaption>its difference from full "
-                "detail, times %g; beyond the ground that is compared there is "
-                "sky</figcaption></figure>\n"
+                "detail, times %g</figcaption></figure>\n"
                 "<figure><img src=\"%s-edges.png\"><figcaption>its "
                 "triangles</figcaption></figure>\n",
                 name, flown->worst_db, seconds_from_ns(flown->worst_ns), name, name,
