@@ -301,14 +301,14 @@ static int fly_all(struct comparing *comparing, enum comparison which, enum poin
     return count == 0 ? 0 : flights_fly(&comparing->stage, &params, flown, count, diag);
 }
 
-/* What the clipmap's frame takes where its error is as asked; 0 where it is not compared. */
+/* What the clipmap's terrain takes where its error is as asked; 0 where it is not compared. */
 static double clipmap_ms(const struct technique_report *report)
 {
     for (int i = 0; i < report->count; i++) {
         const struct point *point =
             points_meeting(&report->curves[i], POINT_ERROR, report->error_px);
         if (!report->entries[i].ops && point)
-            return point->frame_ms;
+            return point->terrain_ms;
     }
     return 0.0;
 }
