@@ -17,10 +17,14 @@
 struct clipmap_shape clipmap_shape(int radius, int block, double finest_step_deg)
 {
     double step_deg = fmin(finest_step_deg, LEAST_DENSE_DEG);
-    struct clipmap_shape shape = {
-        .radius = radius, .block = block, .levels = 1, .depth = (int)ceil(log2(90.0 / step_deg))};
-    if (shape.depth > CLIPMAP_MAX_DEPTH)
-        shape.depth = CLIPMAP_MAX_DEPTH;
+    int depth = (int)ceil(log2(90.0 / step_deg));
+    return clipmap_shape_of_depth(radius, block,
+                                  depth < CLIPMAP_MAX_DEPTH ? depth : CLIPMAP_MAX_DEPTH);
+}
+
+struct clipmap_shape clipmap_shape_of_depth(int radius, int block, int depth)
+{
+    struct clipmap_shape shape = {.radius = radius, .block = block, .levels = 1, .depth = depth};
     while (clipmap_storage(&shape) < clipmap_cells(&shape, shape.levels - 1)) {
         if (shape.levels < CLIPMAP_MAX_LEVELS)
             shape.levels++;
@@ -35,7 +39,7 @@ struct clipmap_shape clipmap_halved(const struct clipmap_shape *shape)
     int radius = shape->radius / 2, block = shape->block;
     if (8 * block > radius)
         block = radius / 8;
-    return clipmap_shape(radius, block, 90.0 / ldexp(1.0, shape->depth));
+    return clipmap_shape_of_depth(radius, block, shape->depth);
 }
 
 double clipmap_step_rad(const struct clipmap_shape *shape, int level)
