@@ -7,13 +7,14 @@
 #include "geo/geographic.h"
 #include "render/readback.h"
 
-#define SEED UINT64_C(0x9e3779b97f4a7c15)
+#define SEED   UINT64_C(0x9e3779b97f4a7c15)
+#define NEARLY 0.95f /* of a depth: as near */
 
 struct quality {
     struct quality_params params;
     size_t picture; /* pixels */
     struct readback *depths, *colours;
-    float *depth;                           /* [picture], rows from the bottom */
+    float *depth, *kept_depth;              /* [picture], rows from the bottom */
     uint8_t *ours, *reference, *difference; /* [4 picture], likewise */
     uint32_t *asked;                        /* [pixels] of a frame */
     /* Of those that show ground: where they are; what they show, and what they would if depth were
@@ -28,6 +29,7 @@ static int allocate(struct quality *quality, struct diag *diag)
 {
     size_t pixels = quality->params.pixels;
     quality->depth = calloc(quality->picture, sizeof(*quality->depth));
+    quality->kept_depth = calloc(quality->picture, sizeof(*quality->kept_depth));
     quality->ours = calloc(quality->picture, 4);
     quality->reference = calloc(quality->picture, 4);
     quality->difference = calloc(quality->picture, 4);
@@ -35,8 +37,9 @@ static int allocate(struct quality *quality, struct diag *diag)
     quality->px = calloc(pixels, sizeof(*quality->px));
     quality->places = calloc(pixels, sizeof(*quality->places));
     quality->ground_m = calloc(pixels, sizeof(*quality->ground_m));
-    bool have = quality->depth && quality->ours && quality->reference && quality->difference &&
-                quality->asked && quality->px && quality->places && quality->ground_m;
+    bool have = quality->depth && quality->kept_depth && quality->ours && quality->reference &&
+                quality->difference && quality->asked && quality->px && quality->places &&
+                quality->ground_m;
     return have ? 0 : diag_set(diag, -ENOMEM, "no memory for the measure of quality");
 }
 
@@ -70,6 +73,7 @@ void quality_destroy(struct quality *quality)
     readback_destroy(quality->depths);
     readback_destroy(quality->colours);
     free(quality->depth);
+    free(quality->kept_depth);
     free(quality->ours);
     free(quality->reference);
     free(quality->difference);
@@ -91,6 +95,12 @@ static uint32_t random_below(struct quality *quality, uint32_t end)
     return (uint32_t)(((x * UINT64_C(0x2545f4914f6cdd1d) >> 32) * end) >> 32);
 }
 
+static bool is_judged(const struct quality *quality, const struct geodetic *place)
+{
+    double at[2];
+    return !quality->params.field || field_find(quality->params.field, place, at);
+}
+
 /* What the pixels show that are asked. Returns how many of them show ground. */
 static size_t find_places(struct quality *quality, const struct view *view)
 {
@@ -109,14 +119,14 @@ static size_t find_places(struct quality *quality, const struct view *view)
             view_unproject(view, width, height, px, (double)depth, enu_m);
             geodetic_from_enu(&view->eye, enu_m, &quality->places[count][k]);
         }
-        count++;
+        count += is_judged(quality, &quality->places[count][0]);
     }
     return count;
 }
 
 /* How far a place is from the ground on the screen, positive above it. Ground that is behind the
  * eye or nearly so is a picture's diagonal away. */
-static double error_px(const struct quality *quality, const struct view *view, size_t at, int which)
+static double error_at(const struct quality *quality, const struct view *view, size_t at, int which)
 {
     const struct geodetic *place = &quality->places[at][which];
     double ground_m = quality->ground_m[at][which];
@@ -130,9 +140,8 @@ static double error_px(const struct quality *quality, const struct view *view, s
     return copysign(error, place->height_m - ground_m);
 }
 
-/* Judges the depth that is drawn. `depth_px` may be NULL. */
-static int judge(struct quality *quality, struct renderer *renderer, const struct view *view,
-                 struct samples *ret_px, struct samples *depth_px)
+int quality_judge(struct quality *quality, struct renderer *renderer, const struct view *view,
+                  struct samples *error_px, struct samples *depth_px)
 {
     int r = readback_copy(quality->depths, renderer_depth_framebuffer(renderer), quality->depth);
     if (r < 0)
@@ -141,23 +150,38 @@ static int judge(struct quality *quality, struct renderer *renderer, const struc
     reference_heights(quality->params.reference, quality->places[0], 2 * count,
                       quality->ground_m[0]);
     for (size_t i = 0; i < count; i++) {
-        double error = error_px(quality, view, i, 0), next = error_px(quality, view, i, 1);
-        samples_add(ret_px, fabs(error));
+        double error = error_at(quality, view, i, 0), next = error_at(quality, view, i, 1);
+        samples_add(error_px, fabs(error));
         if (depth_px)
             samples_add(depth_px, 0.5 * fabs(next - error));
     }
     return 0;
 }
 
+/* Of red, green and blue. */
+static double square_of_difference(const uint8_t *a, const uint8_t *b)
+{
+    double sum = 0.0;
+    for (int i = 0; i < 3; i++) {
+        double d = (double)a[i] - (double)b[i];
+        sum += d * d;
+    }
+    return sum;
+}
+
+static double ratio_db(double sum, size_t pixels)
+{
+    double mean = sum / (3.0 * (double)pixels);
+    return sum > 0.0 ? fmin(10.0 * log10(255.0 * 255.0 / mean), QUALITY_PSNR_MOST)
+                     : QUALITY_PSNR_MOST;
+}
+
 double quality_psnr_db(const uint8_t *a, const uint8_t *b, size_t pixels)
 {
     double sum = 0.0;
-    for (size_t i = 0; i < 4 * pixels; i++) {
-        double d = i % 4 == 3 ? 0.0 : (double)a[i] - (double)b[i];
-        sum += d * d;
-    }
-    double mean = sum / (3.0 * (double)pixels);
-    return fmin(10.0 * log10(255.0 * 255.0 / mean), QUALITY_PSNR_MOST);
+    for (size_t i = 0; i < pixels; i++)
+        sum += square_of_difference(&a[4 * i], &b[4 * i]);
+    return ratio_db(sum, pixels);
 }
 
 /* Draws the reference over the frame and holds the pictures against each other. */
@@ -175,23 +199,90 @@ static int compare(struct quality *quality, struct renderer *renderer, const str
         return r;
     samples_add(&tally->psnr_db,
                 quality_psnr_db(quality->ours, quality->reference, quality->picture));
-    return judge(quality, renderer, view, &tally->reference_px, NULL);
+    return quality_judge(quality, renderer, view, &tally->reference_px, NULL);
+}
+
+void quality_ask(struct quality *quality)
+{
+    for (unsigned i = 0; i < quality->params.pixels; i++)
+        quality->asked[i] = random_below(quality, (uint32_t)quality->picture);
 }
 
 int quality_look(struct quality *quality, struct renderer *renderer, const struct view *view,
                  struct quality_tally *tally)
 {
-    for (unsigned i = 0; i < quality->params.pixels; i++)
-        quality->asked[i] = random_below(quality, (uint32_t)quality->picture);
+    quality_ask(quality);
     tally->pixels += quality->params.pixels;
-    int r = judge(quality, renderer, view, &tally->error_px, &tally->depth_px);
+    int r = quality_judge(quality, renderer, view, &tally->error_px, &tally->depth_px);
     return r < 0 || !quality->params.pass ? r : compare(quality, renderer, view, tally);
+}
+
+int quality_keep(struct quality *quality, struct renderer *renderer)
+{
+    int r =
+        readback_copy(quality->depths, renderer_depth_framebuffer(renderer), quality->kept_depth);
+    return r < 0 ? r
+                 : readback_copy(quality->colours, renderer_framebuffer(renderer),
+                                 quality->reference);
+}
+
+/* The least and greatest depth that is kept around a pixel; the least is 0 where any is sky. */
+static void kept_around(const struct quality *quality, int col, int row, float *ret_least,
+                        float *ret_most)
+{
+    int width = quality->params.width, height = quality->params.height;
+    int first = row - QUALITY_NEAR_PX, left = col - QUALITY_NEAR_PX;
+    *ret_least = INFINITY;
+    *ret_most = 0.0f;
+    for (int r = first < 0 ? 0 : first; r < height && r <= row + QUALITY_NEAR_PX; r++)
+        for (int c = left < 0 ? 0 : left; c < width && c <= col + QUALITY_NEAR_PX; c++) {
+            float depth = quality->kept_depth[r * width + c];
+            *ret_least = fminf(*ret_least, depth);
+            *ret_most = fmaxf(*ret_most, depth);
+        }
+}
+
+/* Depth is near over distance. */
+static void count_strangers(const struct quality *quality, struct quality_difference *difference)
+{
+    for (size_t i = 0; i < quality->picture; i++) {
+        int col = (int)i % quality->params.width, row = (int)i / quality->params.width;
+        float least, most;
+        kept_around(quality, col, row, &least, &most);
+        difference->holes += quality->depth[i] < NEARLY * least;
+        difference->walls += least > 0.0f && NEARLY * quality->depth[i] > most;
+    }
+}
+
+int quality_against_kept(struct quality *quality, struct renderer *renderer,
+                         struct quality_difference *ret_difference)
+{
+    struct quality_difference difference = {0};
+    double sum = 0.0;
+    int r = readback_copy(quality->depths, renderer_depth_framebuffer(renderer), quality->depth);
+    if (r == 0)
+        r = readback_copy(quality->colours, renderer_framebuffer(renderer), quality->ours);
+    if (r < 0)
+        return r;
+    for (size_t i = 0; i < quality->picture; i++) {
+        if (!(quality->kept_depth[i] > 0.0f)) {
+            difference.beyond += quality->depth[i] > 0.0f;
+            continue;
+        }
+        difference.pixels++;
+        sum += square_of_difference(&quality->ours[4 * i], &quality->reference[4 * i]);
+    }
+    difference.psnr_db = ratio_db(sum, difference.pixels);
+    count_strangers(quality, &difference);
+    *ret_difference = difference;
+    return 0;
 }
 
 struct quality_pictures quality_pictures(struct quality *quality, double gain)
 {
     for (size_t i = 0; i < 4 * quality->picture; i++) {
-        int d = abs(quality->ours[i] - quality->reference[i]);
+        bool beyond = quality->params.field && !(quality->kept_depth[i / 4] > 0.0f);
+        int d = beyond ? 0 : abs(quality->ours[i] - quality->reference[i]);
         quality->difference[i] = i % 4 == 3 ? 255 : (uint8_t)fmin(gain * d, 255.0);
     }
     return (struct quality_pictures){quality->ours, quality->reference, quality->difference};

@@ -16,6 +16,7 @@
 #include "base/stats.h"
 #include "render/reference_pass.h"
 #include "render/renderer.h"
+#include "terrain/field.h"
 
 #define QUALITY_PSNR_MOST 99.0 /* dB: of pictures that are the same */
 
@@ -27,6 +28,7 @@ struct quality_params {
     struct reference *reference; /* borrowed; whose heights are the truth */
     struct reference_pass *pass; /* borrowed, may be NULL: no picture is drawn. Its own reference
                                     may be coarser. */
+    const struct field *field;   /* borrowed, may be NULL; what lies beyond it is not judged */
 };
 
 /* Of each there has to be room for what is added. */
@@ -44,12 +46,35 @@ int quality_create(const struct quality_params *params, struct quality **ret_qua
 /* Legal on NULL. */
 void quality_destroy(struct quality *quality);
 
+/* The steps of quality_look(), for pictures of one frame by several techniques: chooses the pixels;
+ * judges what is drawn (`depth_px` may be NULL). -EIO where the GPU is lost. */
+void quality_ask(struct quality *quality);
+int quality_judge(struct quality *quality, struct renderer *renderer, const struct view *view,
+                  struct samples *error_px, struct samples *depth_px);
+
+/* A picture that others are held against: keeps what is drawn. */
+int quality_keep(struct quality *quality, struct renderer *renderer);
+
+/* Of the pixels where the kept picture has ground. */
+struct quality_difference {
+    double psnr_db;
+    uint64_t pixels;
+    uint64_t holes;  /* show what is farther, */
+    uint64_t walls;  /* or nearer, than all that is kept within QUALITY_NEAR_PX of them */
+    uint64_t beyond; /* beside them: ground where none is kept */
+};
+#define QUALITY_NEAR_PX 2
+
+/* Holds what is drawn against what was kept. */
+int quality_against_kept(struct quality *quality, struct renderer *renderer,
+                         struct quality_difference *ret_difference);
+
 /* Judges the frame that the renderer finished last, with its view. -EIO where the GPU is lost. */
 int quality_look(struct quality *quality, struct renderer *renderer, const struct view *view,
                  struct quality_tally *tally);
 
 /* The pictures that were judged last, RGBA, rows from the bottom; borrowed. The difference is
- * amplified `gain` times, around nothing (black). */
+ * amplified `gain` times, around nothing (black); with a field, of what lies in it. */
 struct quality_pictures {
     const uint8_t *ours, *reference, *difference;
 };

@@ -9,6 +9,7 @@
 #include "geo/cube.h"
 #include "geo/frames.h"
 #include "geo/geographic.h"
+#include "render/cell_indices.h"
 #include "render/program.h"
 
 #define WGS84_A       6378137.0
@@ -17,10 +18,8 @@
 #define HIGHEST_M     9000.0
 #define SIDE          (REFERENCE_TILE + 1)
 #define POSTS         (SIDE * SIDE)
-#define INDICES       (REFERENCE_TILE * REFERENCE_TILE * 6)
+#define INDICES       cell_indices_count(REFERENCE_TILE)
 #define KEPT_FRAMES   2 /* a tile that was drawn so lately keeps its place */
-
-_Static_assert(POSTS <= 65536, "16-bit indices");
 
 /* Tiles of a face, `span` along each side of a square of them. */
 struct square {
@@ -56,28 +55,6 @@ struct reference_pass {
     struct reference_counts counts;
 };
 
-/* Each cell in two triangles, cut towards the middle of its square of 2 x 2 (terrain.vert). */
-static GLuint create_indices(void)
-{
-    uint16_t *indices = malloc(INDICES * sizeof(*indices)), *at = indices;
-    if (!indices)
-        return 0;
-    for (int row = 0; row < REFERENCE_TILE; row++)
-        for (int col = 0; col < REFERENCE_TILE; col++) {
-            uint16_t sw = (uint16_t)(row * SIDE + col), se = (uint16_t)(sw + 1);
-            uint16_t nw = (uint16_t)(sw + SIDE), ne = (uint16_t)(nw + 1);
-            bool falls = ((row ^ col) & 1) != 0;
-            const uint16_t cell[6] = {sw, se, falls ? nw : ne, falls ? se : sw, ne, nw};
-            for (int i = 0; i < 6; i++)
-                *at++ = cell[i];
-        }
-    GLuint buffer;
-    glCreateBuffers(1, &buffer);
-    glNamedBufferStorage(buffer, INDICES * sizeof(*indices), indices, 0);
-    free(indices);
-    return buffer;
-}
-
 static int create_objects(struct reference_pass *pass, struct diag *diag)
 {
     char defines[64];
@@ -89,7 +66,7 @@ static int create_objects(struct reference_pass *pass, struct diag *diag)
     GLsizeiptr bytes = (GLsizeiptr)pass->slot_count * POSTS * (GLsizeiptr)sizeof(float);
     glCreateBuffers(1, &pass->heights);
     glNamedBufferStorage(pass->heights, bytes, NULL, GL_DYNAMIC_STORAGE_BIT);
-    pass->indices = create_indices();
+    pass->indices = cell_indices_create(REFERENCE_TILE);
     if (!pass->indices || glGetError() == GL_OUT_OF_MEMORY)
         return diag_set(diag, -ENOMEM, "no memory for the reference's tiles of %lld MiB",
                         (long long)bytes >> 20);

@@ -29,8 +29,7 @@ layout(std140, binding = 0) uniform Scene {
                           // w: time of day's ambient strength
     vec4 view_rays;       // tangents: left, bottom, right, top
     mat4 enu_from_eye;
-    ivec4 sizes;          // storage side in posts; half-posts along a face at level 0; finest and
-                          // coarsest level held
+    ivec4 sizes;          // y: half-posts along a face at level 0; zw: finest and coarsest level held
     Pane panes[PANES];
     ivec4 edges[4 * PANES]; // across the sides west, east, south, north of a pane: the neighbour's pane
                             // (-1: not near), side, 1 where it runs backwards, its face
@@ -105,11 +104,10 @@ vec2 exact_tan(vec2 x)
     return 2.0 * s * c / (1.0 - 2.0 * s * s);
 }
 
-// From a half-post of a level on a pane's face.
-vec3 normal_difference(int pane, ivec2 halves, int level)
+// From angles (xi, eta) away from those of the eye on a pane's face.
+vec3 normal_difference_of_angle(int pane, vec2 angle)
 {
     Pane at = scene.panes[pane];
-    vec2 angle = vec2((halves << level) - at.origin.xy) * scene.grid.x + at.base.xy;
     vec2 t = exact_tan(angle);
     vec2 g = t / (1.0 - vec2(at.along_xi.w, at.along_eta.w) * t);
     vec3 m = g.x * at.along_xi.xyz + g.y * at.along_eta.xyz;
@@ -117,6 +115,14 @@ vec3 normal_difference(int pane, ivec2 halves, int level)
     vec3 dn = vec3(m.xy * scale, 0.0);
     dn.z = -dot(dn, dn) / (1.0 + (1.0 + m.z) * scale);
     return dn;
+}
+
+// From a half-post of a level on a pane's face.
+vec3 normal_difference(int pane, ivec2 halves, int level)
+{
+    Pane at = scene.panes[pane];
+    vec2 angle = vec2((halves << level) - at.origin.xy) * scene.grid.x + at.base.xy;
+    return normal_difference_of_angle(pane, angle);
 }
 
 // How much longer the radius of curvature in the prime vertical is where the normal's polar part is
