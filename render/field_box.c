@@ -1,8 +1,11 @@
 #include "render/field_box.h"
 
+#include <errno.h>
 #include <math.h>
+#include <stdlib.h>
 
 #include "geo/frames.h"
+#include "terrain/parallel.h"
 
 #define EARTH_RADIUS_M 6.4e6 /* at least; of the sagitta */
 
@@ -44,6 +47,14 @@ static void into_frame(const struct field_frame *frame, const double ecef_m[3], 
     frames_rotate(frame->axes, from_middle, ret_m);
 }
 
+void field_frame_place(const struct field_frame *frame, const struct field *field, double col,
+                       double row, double height_m, double ret_m[3])
+{
+    double ecef_m[3];
+    field_place(field, col, row, height_m, ecef_m);
+    into_frame(frame, ecef_m, ret_m);
+}
+
 /* Around the corners of the block of air between the least and the greatest height, out of which
  * the ground bulges by no more than the sagitta of the diagonal. */
 struct field_box field_box_of(const struct field *field, const struct field_frame *frame, int col,
@@ -60,10 +71,9 @@ struct field_box field_box_of(const struct field *field, const struct field_fram
     double angle = span * clipmap_step_rad(&field->shape, 0);
     float slack_m = (float)(EARTH_RADIUS_M * angle * angle / 4.0 + FIELD_BOX_SLACK_M);
     for (int i = 0; i < 8; i++) {
-        double ecef_m[3], at_m[3];
-        field_place(field, col + (i & 1) * span, row + (i >> 1 & 1) * span,
-                    (double)(i & 4 ? highest_m : lowest_m), ecef_m);
-        into_frame(frame, ecef_m, at_m);
+        double at_m[3];
+        field_frame_place(frame, field, col + (i & 1) * span, row + (i >> 1 & 1) * span,
+                          (double)(i & 4 ? highest_m : lowest_m), at_m);
         for (int k = 0; k < 3; k++) {
             box.least_m[k] = fminf(box.least_m[k], (float)at_m[k] - slack_m);
             box.most_m[k] = fmaxf(box.most_m[k], (float)at_m[k] + slack_m);
@@ -134,4 +144,73 @@ float field_eye_distance2(const struct field_eye *eye, const struct field_box *b
         d2 += d > 0.0f ? d * d : 0.0f;
     }
     return d2;
+}
+
+struct leaves {
+    const struct field *field;
+    struct field_boxes *boxes;
+    int cells;
+};
+
+static int create_row(void *user, unsigned worker, unsigned row)
+{
+    const struct leaves *leaves = user;
+    int along = leaves->boxes->levels[0].along;
+    (void)worker;
+    for (int i = 0; i < along; i++)
+        leaves->boxes->levels[0].boxes[(int)row * along + i] =
+            field_box_of(leaves->field, &leaves->boxes->frame, i * leaves->cells,
+                         (int)row * leaves->cells, leaves->cells);
+    return 0;
+}
+
+static void join_level(struct field_boxes *boxes, int l)
+{
+    int along = boxes->levels[l].along, finer = boxes->levels[l - 1].along;
+    for (int i = 0; i < along * along; i++) {
+        const struct field_box *of =
+            &boxes->levels[l - 1].boxes[2 * (i / along) * finer + 2 * (i % along)];
+        boxes->levels[l].boxes[i] =
+            field_box_join(field_box_join(of[0], of[1]), field_box_join(of[finer], of[finer + 1]));
+    }
+}
+
+int field_boxes_create(const struct field *field, int cells, struct field_boxes *ret_boxes)
+{
+    struct field_boxes boxes = {.frame = field_frame_of(field)};
+    int along = field->cells / cells, r = 0;
+    do {
+        boxes.levels[boxes.count].along = along;
+        boxes.levels[boxes.count].boxes =
+            malloc((size_t)along * (size_t)along * sizeof(struct field_box));
+        if (!boxes.levels[boxes.count++].boxes)
+            r = -ENOMEM;
+        along /= 2;
+    } while (r == 0 && boxes.levels[boxes.count - 1].along % 2 == 0);
+    if (r == 0)
+        r = parallel_run(parallel_processors(), (unsigned)boxes.levels[0].along, create_row,
+                         &(struct leaves){field, &boxes, cells});
+    if (r < 0) {
+        field_boxes_destroy(&boxes);
+        return r;
+    }
+    for (int l = 1; l < boxes.count; l++)
+        join_level(&boxes, l);
+    *ret_boxes = boxes;
+    return 0;
+}
+
+void field_boxes_destroy(struct field_boxes *boxes)
+{
+    for (int l = 0; l < boxes->count; l++)
+        free(boxes->levels[l].boxes);
+    *boxes = (struct field_boxes){0};
+}
+
+size_t field_boxes_bytes(const struct field_boxes *boxes)
+{
+    size_t count = 0;
+    for (int l = 0; l < boxes->count; l++)
+        count += (size_t)boxes->levels[l].along * (size_t)boxes->levels[l].along;
+    return count * sizeof(struct field_box);
 }

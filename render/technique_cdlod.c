@@ -16,13 +16,6 @@
 #define HALF_POSTS ((HALF + 1) * (HALF + 1))
 #define GRID_POSTS ((GRID + 1) * (GRID + 1))
 
-/* A node of level l is GRID << l cells a side. */
-struct level {
-    struct field_box *boxes; /* [along][along] */
-    int along;
-    float end2_m2; /* where its range ends, squared */
-};
-
 /* As the shader has it; of a quarter, its own first post. */
 struct node {
     GLint first_post[2];
@@ -31,9 +24,8 @@ struct node {
 
 struct technique_of_cdlod {
     struct technique base;
-    struct field_frame frame;
-    struct level levels[LEVELS_MAX];
-    int level_count;
+    struct field_boxes boxes;    /* of nodes: those of level l are GRID << l cells a side */
+    float ends2_m2[LEVELS_MAX];  /* where the levels' ranges end, squared */
     double leaf_m;               /* how wide a leaf is */
     double least_m;              /* no level 0 ends nearer: below are cracks */
     float morphs[LEVELS_MAX][2]; /* as the shader has them */
@@ -51,32 +43,9 @@ static void destroy(struct technique *technique)
     glDeleteProgram(self->program);
     glDeleteVertexArrays(1, &self->vertex_array);
     glDeleteBuffers(sizeof(buffers) / sizeof(buffers[0]), buffers);
-    for (int l = 0; l < LEVELS_MAX; l++)
-        free(self->levels[l].boxes);
+    field_boxes_destroy(&self->boxes);
     free(self->nodes);
     free(self);
-}
-
-/* The boxes of a level: leaves around the field's posts, others around their children. */
-static int create_level(struct technique_of_cdlod *self, const struct field *field, int l)
-{
-    struct level *level = &self->levels[l], *finer = level - 1;
-    level->along = field->cells / (GRID << l);
-    level->boxes = malloc((size_t)(level->along * level->along) * sizeof(*level->boxes));
-    if (!level->boxes)
-        return -ENOMEM;
-    for (int y = 0; y < level->along; y++)
-        for (int x = 0; x < level->along; x++) {
-            struct field_box *box = &level->boxes[y * level->along + x];
-            if (l == 0) {
-                *box = field_box_of(field, &self->frame, x * GRID, y * GRID, GRID);
-                continue;
-            }
-            const struct field_box *of = &finer->boxes[2 * y * finer->along + 2 * x];
-            *box = field_box_join(field_box_join(of[0], of[1]),
-                                  field_box_join(of[finer->along], of[finer->along + 1]));
-        }
-    return 0;
 }
 
 /* A node that reaches into its level's range is drawn whole, out to a box's diagonal beyond it: by
@@ -84,27 +53,24 @@ static int create_level(struct technique_of_cdlod *self, const struct field *fie
 static double least_end_m(const struct technique_of_cdlod *self)
 {
     double least_m = 0.0;
-    for (int l = 0; l < self->level_count - 2; l++)
-        for (int i = 0; i < self->levels[l].along * self->levels[l].along; i++)
-            least_m =
-                fmax(least_m, ldexp((double)field_box_diagonal_m(&self->levels[l].boxes[i]), -l));
+    for (int l = 0; l < self->boxes.count - 2; l++)
+        for (int i = 0; i < self->boxes.levels[l].along * self->boxes.levels[l].along; i++)
+            least_m = fmax(
+                least_m, ldexp((double)field_box_diagonal_m(&self->boxes.levels[l].boxes[i]), -l));
     return least_m / (1.0 - MORPH);
 }
 
-static int create_levels(struct technique_of_cdlod *self, const struct field *field)
+static int create_nodes(struct technique_of_cdlod *self, const struct field *field)
 {
-    double a[3], b[3];
-    int r = 0;
-    self->frame = field_frame_of(field);
-    do
-        r = create_level(self, field, self->level_count++);
-    while (r == 0 && self->levels[self->level_count - 1].along % 2 == 0);
+    double a[3], b[3], middle = 0.5 * field->cells;
+    int r = field_boxes_create(field, GRID, &self->boxes);
     if (r < 0)
         return r;
-    self->capacity = self->levels[0].along * self->levels[0].along; /* none covers less */
+    self->capacity =
+        self->boxes.levels[0].along * self->boxes.levels[0].along; /* none is smaller */
     self->nodes = malloc((size_t)self->capacity * sizeof(*self->nodes));
-    field_place(field, 0.5 * field->cells, 0.5 * field->cells, 0.0, a);
-    field_place(field, 0.5 * field->cells + GRID, 0.5 * field->cells, 0.0, b);
+    field_place(field, middle, middle, 0.0, a);
+    field_place(field, middle + GRID, middle, 0.0, b);
     self->leaf_m = hypot(hypot(a[0] - b[0], a[1] - b[1]), a[2] - b[2]);
     self->least_m = least_end_m(self);
     return self->nodes ? 0 : -ENOMEM;
@@ -154,7 +120,7 @@ static int create(const struct technique_params *params, struct technique **ret_
     self->quarter_indices = cell_indices_create(HALF);
     char defines[32];
     snprintf(defines, sizeof(defines), "#define LEVELS %d\n", LEVELS_MAX);
-    int r = create_levels(self, params->field);
+    int r = create_nodes(self, params->field);
     if (r < 0 || !self->whole_indices || !self->quarter_indices)
         r = diag_set(diag, -ENOMEM, "no memory for cdlod");
     else
@@ -176,10 +142,10 @@ static int tune(struct technique *technique, double knob)
 {
     struct technique_of_cdlod *self = (struct technique_of_cdlod *)technique;
     double end_m = fmax(knob * self->leaf_m, self->least_m), before_m = 0.0;
-    for (int l = 0; l < self->level_count; l++, before_m = end_m, end_m *= 2.0) {
+    for (int l = 0; l < self->boxes.count; l++, before_m = end_m, end_m *= 2.0) {
         double from_m = end_m - MORPH * (end_m - before_m);
-        bool coarsest = l == self->level_count - 1;
-        self->levels[l].end2_m2 = coarsest ? INFINITY : (float)(end_m * end_m);
+        bool coarsest = l == self->boxes.count - 1;
+        self->ends2_m2[l] = coarsest ? INFINITY : (float)(end_m * end_m);
         self->morphs[l][0] = (float)from_m;
         self->morphs[l][1] = coarsest ? 0.0f : (float)(1.0 / (0.999 * end_m - from_m));
     }
@@ -203,16 +169,15 @@ static void add_quarter(struct technique_of_cdlod *self, int l, int x, int y)
  * draws that quarter then. Nearest first. */
 static bool choose(struct technique_of_cdlod *self, int l, int x, int y, enum field_seen seen)
 {
-    const struct level *level = &self->levels[l];
-    const struct field_box *box = &level->boxes[y * level->along + x];
+    const struct field_box *box = &self->boxes.levels[l].boxes[y * self->boxes.levels[l].along + x];
     if (seen != FIELD_SEEN)
         seen = field_eye_sees(&self->eye, box);
     if (seen == FIELD_UNSEEN)
         return true;
     float distance2_m2 = field_eye_distance2(&self->eye, box);
-    if (distance2_m2 > level->end2_m2)
+    if (distance2_m2 > self->ends2_m2[l])
         return false;
-    if (l == 0 || distance2_m2 > level[-1].end2_m2) {
+    if (l == 0 || distance2_m2 > self->ends2_m2[l - 1]) {
         add_whole(self, l, x, y);
         return true;
     }
@@ -230,11 +195,11 @@ static void update(struct technique *technique, const struct technique_frame *fr
 {
     struct technique_of_cdlod *self = (struct technique_of_cdlod *)technique;
     const GLsizeiptr size = sizeof(struct node);
-    int roots = self->levels[self->level_count - 1].along;
-    self->eye = field_eye_of(&self->frame, frame->view);
+    int roots = self->boxes.levels[self->boxes.count - 1].along;
+    self->eye = field_eye_of(&self->boxes.frame, frame->view);
     self->whole = self->quarters = 0;
     for (int i = 0; i < roots * roots; i++)
-        choose(self, self->level_count - 1, i % roots, i / roots, FIELD_CUT);
+        choose(self, self->boxes.count - 1, i % roots, i / roots, FIELD_CUT);
     int first_quarter = self->capacity - self->quarters;
     glNamedBufferSubData(self->node_buffer, 0, self->whole * size, self->nodes);
     glNamedBufferSubData(self->node_buffer, first_quarter * size, self->quarters * size,
@@ -246,7 +211,7 @@ static void draw(struct technique *technique, const struct technique_frame *fram
     struct technique_of_cdlod *self = (struct technique_of_cdlod *)technique;
     (void)frame;
     glUseProgram(self->program);
-    glUniform2fv(0, self->level_count, self->morphs[0]);
+    glUniform2fv(0, self->boxes.count, self->morphs[0]);
     glBindVertexArray(self->vertex_array);
     glVertexArrayElementBuffer(self->vertex_array, self->whole_indices);
     glDrawElementsInstancedBaseVertex(GL_TRIANGLES, cell_indices_count(GRID), GL_UNSIGNED_SHORT,
@@ -260,17 +225,15 @@ static void draw(struct technique *technique, const struct technique_frame *fram
 static void facts(const struct technique *technique, struct technique_facts *ret_facts)
 {
     const struct technique_of_cdlod *self = (const struct technique_of_cdlod *)technique;
-    uint64_t sent = (uint64_t)(self->whole + self->quarters), boxes = 0;
+    uint64_t sent = (uint64_t)(self->whole + self->quarters);
     uint64_t nodes = (uint64_t)self->capacity * sizeof(struct node);
-    for (int l = 0; l < self->level_count; l++)
-        boxes += (uint64_t)(self->levels[l].along * self->levels[l].along);
     *ret_facts = (struct technique_facts){
         .vertices_sent = sent,
         .bytes_sent =
-            sent * sizeof(struct node) + (uint64_t)self->level_count * sizeof(self->morphs[0]),
+            sent * sizeof(struct node) + (uint64_t)self->boxes.count * sizeof(self->morphs[0]),
         .gpu_bytes = 2 * (HALF_POSTS + GRID_POSTS) + nodes +
                      2 * (uint64_t)(cell_indices_count(GRID) + cell_indices_count(HALF)),
-        .cpu_bytes = boxes * sizeof(struct field_box) + nodes,
+        .cpu_bytes = field_boxes_bytes(&self->boxes) + nodes,
     };
 }
 
