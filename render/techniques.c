@@ -10,12 +10,9 @@
 #include "render/technique_reference.h"
 
 const struct technique_ops *const techniques[] = {
-    &technique_reference,
-    &technique_cdlod,
-    &technique_clipmap_classic,
-    &technique_clipmap_classic_sent,
-    &technique_geomipmap,
-    NULL,
+    &technique_reference,       &technique_cdlod,
+    &technique_clipmap_classic, &technique_clipmap_classic_sent,
+    &technique_geomipmap,       NULL,
 };
 
 const struct technique_ops *technique_find(const char *name)
