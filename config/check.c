@@ -276,8 +276,10 @@ static void check_dis(const struct source_check *check)
 static void check_can(const struct source_check *check)
 {
     struct config_source *source = check->source;
-    if (source->type != CONFIG_SOURCE_CANAEROSPACE)
+    if (source->type != CONFIG_SOURCE_CANAEROSPACE) {
         refuse_key(check, "allow_transmit", "has nothing to transmit");
+        refuse_key(check, "redundancy", "knows no redundancy channels");
+    }
     if (source->type == CONFIG_SOURCE_CAN_TABLE)
         document_check_can_table(check->document, check->node, check->index, source);
     else

@@ -2,6 +2,8 @@
 
 #include <string.h>
 
+#include "io/canaerospace.h"
+
 /* Modbus carries visibility in tens of metres in 16 bits: hence its upper limit. A frustum edge at
  * 90 degrees would lie at infinity. */
 static const struct config_key keys[] = {
@@ -50,6 +52,7 @@ static const struct config_key keys[] = {
     {"sources[].entity", "1:1:1"},
     {"sources[].exercise", "0", 0, 255, NULL},
     {"sources[].allow_transmit", "false"},
+    {"sources[].redundancy", "0", 0, CANAEROSPACE_REDUNDANCY_MAX, NULL},
     {"sources[].fields[].id", NULL},
     {"sources[].fields[].field", NULL},
     {"sources[].fields[].bit", "0", 0, 63, NULL},

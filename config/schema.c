@@ -187,6 +187,7 @@ static const cyaml_schema_field_t source_fields[] = {
     CYAML_FIELD_STRING("entity", OPTIONAL, struct config_source, entity, 0),
     CYAML_FIELD_UINT("exercise", OPTIONAL, struct config_source, exercise),
     CYAML_FIELD_BOOL("allow_transmit", OPTIONAL, struct config_source, allow_transmit),
+    CYAML_FIELD_UINT("redundancy", OPTIONAL, struct config_source, redundancy),
     CYAML_FIELD_SEQUENCE("fields", CYAML_FLAG_POINTER | OPTIONAL, struct config_source, fields,
                          &can_field_entry, 0, CAN_TABLE_MAX),
     CYAML_FIELD_ENUM("altitude", WORD, struct config_source, altitude, altitude_words,

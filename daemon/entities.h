@@ -10,7 +10,6 @@
 #define TRAFFIC_MAX ENTITIES_MAX
 
 struct traffic {
-    nsec_t time_ns; /* for which the places hold */
     size_t count;
     struct cigi_seen list[TRAFFIC_MAX];
 };

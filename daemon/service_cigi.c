@@ -73,7 +73,7 @@ int cigi_source_create(struct source_slot *slot, struct cigi_source **ret_cigi, 
     struct cigi_source *cigi = calloc(1, sizeof(*cigi));
     if (!cigi)
         return diag_set(diag, -ENOMEM, "source %s: no memory", slot->config->name);
-    cigi->slot = slot;
+    cigi->slot = cigi->lead.slot = slot;
     cigi->number = ++sessions;
     int r = address_parse(slot->config->reply, &cigi->reply, diag);
     if (r == 0 && cigi_session_create(&params, &cigi->session) < 0)
@@ -82,24 +82,9 @@ int cigi_source_create(struct source_slot *slot, struct cigi_source **ret_cigi, 
         cigi_source_destroy(cigi);
         return r;
     }
-    cigi->lead = (struct cigi_lead){.service = slot->service,
-                                    .session = cigi->session,
-                                    .source = slot->config->name,
-                                    .view = (uint16_t)slot->config->view};
+    cigi->lead.session = cigi->session;
     *ret_cigi = cigi;
     return 0;
-}
-
-/* What was refused, by reason: " magic 3, length 1". */
-static void list_reasons(const uint64_t rejected[REJECT_REASONS], char *ret_text, size_t size)
-{
-    size_t used = 0;
-    snprintf(ret_text, size, " nothing");
-    for (int i = 1; i < REJECT_REASONS && used < size; i++)
-        if (rejected[i])
-            used += (size_t)snprintf(ret_text + used, size - used, "%s %s %llu", used ? "," : "",
-                                     reject_reason_name((enum reject_reason)i),
-                                     (unsigned long long)rejected[i]);
 }
 
 static void tell_counters(const struct cigi_source *cigi, const char *when)
@@ -108,11 +93,11 @@ static void tell_counters(const struct cigi_source *cigi, const char *when)
     const struct cigi_counters *c = &link->counters;
     const struct log_about source = about(cigi);
     char reasons[256];
-    list_reasons(c->rejected, reasons, sizeof(reasons));
+    reject_list(c->rejected, reasons, sizeof(reasons));
     log_write(
         NULL, LOG_LEVEL_INFO, &source,
         "source %s%s: CIGI %u.%u, %llu messages, %llu packets used, %llu ignored, %llu "
-        "skipped, %llu unknown, %llu messages lost, %llu requests, %llu responses; refused:%s",
+        "skipped, %llu unknown, %llu messages lost, %llu requests, %llu responses; refused: %s",
         config_of(cigi)->name, when, link->format.major, link->format.minor,
         (unsigned long long)c->messages, (unsigned long long)c->packets,
         (unsigned long long)c->packets_ignored, (unsigned long long)c->skipped,
@@ -170,18 +155,11 @@ static void lead(struct cigi_source *cigi)
     service->input.wait_ns = live ? config_of(cigi)->sync_wait_ms * NSEC_PER_MSEC : 0;
 }
 
-static void stop_leading(struct cigi_source *cigi)
-{
-    cigi->slot->service->input.wait_ns = 0;
-    cigi_lead_drop(&cigi->lead);
-}
-
 void cigi_source_destroy(struct cigi_source *cigi)
 {
     if (!cigi)
         return;
-    if (cigi->lead.leads)
-        stop_leading(cigi);
+    cigi_lead_drop(&cigi->lead);
     if (cigi->session && cigi_session_link(cigi->session)->counters.messages > 0)
         tell_counters(cigi, " in all");
     cigi_session_destroy(cigi->session);
@@ -328,8 +306,8 @@ void cigi_source_begin(struct cigi_source *cigi, nsec_t shown_ns)
     ask(cigi);
     if (drives)
         lead(cigi);
-    else if (cigi->lead.leads)
-        stop_leading(cigi);
+    else
+        cigi_lead_drop(&cigi->lead);
     move_pose(cigi);
     if (cigi->mode == CIGI_DEBUG && now_ns - cigi->debug_told_ns > DEBUG_TELL_NS) {
         cigi->debug_told_ns = now_ns;

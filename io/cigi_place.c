@@ -151,8 +151,8 @@ size_t cigi_scene_seen(const struct cigi_scene *scene, uint16_t except,
             continue;
         struct cigi_seen seen = {.entity = (uint16_t)entity->id,
                                  .type = control->type,
-                                 .kind = control->extended ? control->dis_kind : 0,
-                                 .domain = control->extended ? control->dis_domain : 0,
+                                 .enumerated = control->extended,
+                                 .domain = control->dis_domain,
                                  .alpha = control->alpha};
         geocentric_from_geodetic(&pose.position, seen.ecef_m);
         seen.ecef_from_body = ecef_quaternion_from_attitude(&pose.position, &pose.attitude);

@@ -265,8 +265,10 @@ int quality_against_kept(struct quality *quality, struct renderer *renderer,
     if (r < 0)
         return r;
     for (size_t i = 0; i < quality->picture; i++) {
-        if (!(quality->kept_depth[i] > 0.0f))
+        if (!(quality->kept_depth[i] > 0.0f)) {
+            difference.beyond += quality->depth[i] > 0.0f;
             continue;
+        }
         difference.pixels++;
         sum += square_of_difference(&quality->ours[4 * i], &quality->reference[4 * i]);
     }
@@ -279,7 +281,8 @@ int quality_against_kept(struct quality *quality, struct renderer *renderer,
 struct quality_pictures quality_pictures(struct quality *quality, double gain)
 {
     for (size_t i = 0; i < 4 * quality->picture; i++) {
-        int d = abs(quality->ours[i] - quality->reference[i]);
+        bool beyond = quality->params.field && !(quality->kept_depth[i / 4] > 0.0f);
+        int d = beyond ? 0 : abs(quality->ours[i] - quality->reference[i]);
         quality->difference[i] = i % 4 == 3 ? 255 : (uint8_t)fmin(gain * d, 255.0);
     }
     return (struct quality_pictures){quality->ours, quality->reference, quality->difference};

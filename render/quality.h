@@ -59,8 +59,9 @@ int quality_keep(struct quality *quality, struct renderer *renderer);
 struct quality_difference {
     double psnr_db;
     uint64_t pixels;
-    uint64_t holes; /* show what is farther, */
-    uint64_t walls; /* or nearer, than all that is kept within QUALITY_NEAR_PX of them */
+    uint64_t holes;  /* show what is farther, */
+    uint64_t walls;  /* or nearer, than all that is kept within QUALITY_NEAR_PX of them */
+    uint64_t beyond; /* beside them: ground where none is kept */
 };
 #define QUALITY_NEAR_PX 2
 
@@ -73,7 +74,7 @@ int quality_look(struct quality *quality, struct renderer *renderer, const struc
                  struct quality_tally *tally);
 
 /* The pictures that were judged last, RGBA, rows from the bottom; borrowed. The difference is
- * amplified `gain` times, around nothing (black). */
+ * amplified `gain` times, around nothing (black); with a field, of what lies in it. */
 struct quality_pictures {
     const uint8_t *ours, *reference, *difference;
 };

@@ -1,8 +1,10 @@
 /* The list of techniques, and what is the same for all. */
+#include <epoxy/gl.h>
 #include <math.h>
 #include <string.h>
 
 #include "render/renderer.h"
+#include "render/scene.h"
 #include "render/technique.h"
 #include "render/technique_cdlod.h"
 #include "render/technique_clipmap_classic.h"
@@ -53,17 +55,24 @@ struct showing {
     struct technique_timer *timer;
 };
 
+static struct technique_frame frame_of(const struct technique_params *params,
+                                       const struct view *view, unsigned framebuffer)
+{
+    return (struct technique_frame){
+        .view = view,
+        .pixel_rad = fabs(view->tan_right - view->tan_left) / params->width,
+        .width = params->width,
+        .height = params->height,
+        .framebuffer = framebuffer,
+    };
+}
+
 static void show(void *user)
 {
     const struct showing *showing = user;
     const struct technique_params *params = showing->params;
-    const struct technique_frame frame = {
-        .view = showing->view,
-        .pixel_rad = fabs(showing->view->tan_right - showing->view->tan_left) / params->width,
-        .width = params->width,
-        .height = params->height,
-        .framebuffer = renderer_depth_framebuffer(showing->renderer),
-    };
+    const struct technique_frame frame =
+        frame_of(params, showing->view, renderer_depth_framebuffer(showing->renderer));
     field_texture_bind(params->heights);
     showing->technique->ops->update(showing->technique, &frame);
     technique_timer_mark(showing->timer, MARK_DRAW);
@@ -79,4 +88,42 @@ void technique_show(struct technique *technique, const struct technique_params *
     technique_timer_mark(timer, MARK_UPDATE);
     renderer_redraw_with(renderer, show, &showing);
     technique_timer_mark(timer, MARK_END);
+}
+
+void technique_draw_again(void *user, unsigned framebuffer, int width, int height)
+{
+    const struct technique_again *again = user;
+    struct technique_frame frame = frame_of(again->params, again->view, framebuffer);
+    frame.width = width;
+    frame.height = height;
+    field_texture_bind(again->params->heights);
+    again->technique->ops->draw(again->technique, &frame);
+}
+
+/* The mesh of the renderer's own frame. */
+static void show_clipmap(const struct showing *showing)
+{
+    struct scene_block scene = {0};
+    const struct technique_params *params = showing->params;
+    scene_set_view(showing->view, &scene);
+    renderer_redraw(showing->renderer, showing->view, scene.clip_from_enu,
+                    renderer_depth_framebuffer(showing->renderer), params->width, params->height);
+}
+
+static void show_edges(void *user)
+{
+    struct showing *showing = user;
+    glPolygonMode(GL_FRONT_AND_BACK, GL_LINE);
+    if (showing->technique)
+        show(showing);
+    else
+        show_clipmap(showing);
+    glPolygonMode(GL_FRONT_AND_BACK, GL_FILL);
+}
+
+void technique_show_edges(struct technique *technique, const struct technique_params *params,
+                          struct renderer *renderer, const struct view *view)
+{
+    struct showing showing = {technique, params, renderer, view, NULL};
+    renderer_redraw_with(renderer, show_edges, &showing);
 }

@@ -13,7 +13,8 @@ struct view {
      * off-axis allowed, and left greater than right (or bottom than top) in a mirror. */
     double tan_left, tan_right, tan_bottom, tan_top;
     double near_m;
-    double visibility_m; /* meteorological: where contrast falls to 2 % (Koschmieder) */
+    double visibility_m; /* meteorological: where contrast falls to 2 % (Koschmieder); INFINITY: no
+                            haze */
     double sun_enu[3];   /* unit vector to the sun at the eye */
     double undulation_m; /* of the geoid below the eye */
 };

@@ -186,10 +186,27 @@ static void put_traffic(const char *kind, const struct cigi_host *host, struct c
         cigi_write(writer, &gone);
 }
 
+/* What speaks of a view, an entity or a place that is not there. */
+static void put_unknown(const char *kind, struct cigi_writer *writer)
+{
+    struct cigi_packet view = {.kind = CIGI_VIEW_CONTROL, .view_control = {.view = 77}};
+    struct cigi_packet request = {.kind = CIGI_HEIGHT_REQUEST};
+    if (strcmp(kind, "no-view") == 0)
+        cigi_write(writer, &view);
+    request.height_request = (struct cigi_height_request){.request = 1, .place = {91.0, 7.9, 0.0}};
+    if (strcmp(kind, "far-request") == 0)
+        cigi_write(writer, &request);
+    request.height_request =
+        (struct cigi_height_request){.request = 2, .entity = 99, .of_entity = 1};
+    if (strcmp(kind, "no-request-entity") == 0)
+        cigi_write(writer, &request);
+}
+
 /* What is wrong stands before a place of own-ship, where that can be read at all. */
 static size_t make_cigi(const char *kind, uint8_t data[CIGI_MESSAGE_MAX])
 {
     static const uint8_t size_0[8] = {2, 0}, past_end[8] = {2, 240}, unknown[8] = {250, 8};
+    static const uint8_t odd_size[16] = {2, 12}, garbage[24] = {90, 90, 90, 90, 90, 90, 90, 90};
     struct cigi_host host = {.format = {.major = 3, .minor = 3}, .frame = 1};
     struct cigi_packet orphan = {.kind = CIGI_RATE, .rate = {.entity = 99}};
     struct cigi_writer writer;
@@ -204,6 +221,12 @@ static size_t make_cigi(const char *kind, uint8_t data[CIGI_MESSAGE_MAX])
         put_bytes(&writer, size_0, sizeof(size_0));
     if (strcmp(kind, "past-end") == 0)
         put_bytes(&writer, past_end, sizeof(past_end));
+    if (strcmp(kind, "odd-size") == 0)
+        put_bytes(&writer, odd_size, sizeof(odd_size));
+    if (strcmp(kind, "garbage") == 0) {
+        put_own_ship(&host, &writer, 46.65);
+        put_bytes(&writer, garbage, sizeof(garbage));
+    }
     if (strcmp(kind, "nan") == 0) {
         put_own_ship(&host, &writer, NAN);
         put_own_ship(&host, &writer, 46.6);
@@ -219,6 +242,7 @@ static size_t make_cigi(const char *kind, uint8_t data[CIGI_MESSAGE_MAX])
     if (strcmp(kind, "clamped") == 0)
         put_clamped(&writer);
     put_surroundings(kind, &writer);
+    put_unknown(kind, &writer);
     put_traffic(kind, &host, &writer);
     if (strcmp(kind, "magic") == 0 || strcmp(kind, "noise") == 0)
         memset(data, 0x5a, writer.size);

@@ -43,8 +43,10 @@ static void an_unknown_type_is_an_aircraft_of_15_m(void)
 /* Whatever the list has for a number that is the country's. */
 static void a_dis_enumeration_goes_by_its_domain(void)
 {
-    struct render_entity land = drawn((struct cigi_seen){.type = 225, .kind = 1, .domain = 1});
-    struct render_entity air = drawn((struct cigi_seen){.type = 20, .kind = 1, .domain = 2});
+    struct render_entity land =
+        drawn((struct cigi_seen){.type = 225, .enumerated = true, .domain = 1});
+    struct render_entity air =
+        drawn((struct cigi_seen){.type = 20, .enumerated = true, .domain = 2});
     CHECK_INT(land.shape, ENTITY_BOX);
     CHECK_NEAR((double)land.length_m, 6, 0);
     CHECK_INT(air.shape, ENTITY_ARROW);
