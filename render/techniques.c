@@ -6,11 +6,15 @@
 #include "render/renderer.h"
 #include "render/scene.h"
 #include "render/technique.h"
+#include "render/technique_cdlod.h"
+#include "render/technique_clipmap_classic.h"
+#include "render/technique_geomipmap.h"
 #include "render/technique_reference.h"
 
 const struct technique_ops *const techniques[] = {
-    &technique_reference,
-    NULL,
+    &technique_reference,       &technique_cdlod,
+    &technique_clipmap_classic, &technique_clipmap_classic_sent,
+    &technique_geomipmap,       NULL,
 };
 
 const struct technique_ops *technique_find(const char *name)

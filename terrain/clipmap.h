@@ -30,8 +30,8 @@ struct clipmap_shape {
  * 600 km. */
 struct clipmap_shape clipmap_shape(int radius, int block, double finest_step_deg);
 
-/* The same with 2^depth cells of level 0 along a face, at least 4 * radius, however coarse that is:
- * for ground that is to be compared at one spacing. */
+/* The same with 2^depth cells of level 0 along a face, at least what a level stores, however coarse
+ * that is: for ground that is to be compared at one spacing. */
 struct clipmap_shape clipmap_shape_of_depth(int radius, int block, int depth);
 
 /* The same ground with half the radius, which takes a quarter of the memory: as fine near the eye,
