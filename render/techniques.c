@@ -4,10 +4,12 @@
 
 #include "render/renderer.h"
 #include "render/technique.h"
+#include "render/technique_quadtree.h"
 #include "render/technique_reference.h"
 
 const struct technique_ops *const techniques[] = {
     &technique_reference,
+    &technique_quadtree,
     NULL,
 };
 
