@@ -24,7 +24,7 @@ _Static_assert(BLOCK_CELLS >= 4 && BLOCK_CELLS <= 32 && !(BLOCK_CELLS & (BLOCK_C
                "blocks are of 5, 9, 17 or 33 posts a side");
 
 struct placed_patch { /* technique_quadtree.vert: patch_at */
-    GLint first_post[2], step, layer;
+    GLint first[2], step, layer;
 };
 
 struct arrival { /* technique_quadtree_fill.comp: Arrival */
@@ -302,7 +302,7 @@ const struct technique_ops technique_quadtree = {
     .name = "quadtree",
     .title = "Yusov 2012: patch quadtree, tessellation blocks",
     .knob = {"tolerance, px", 0.1, 64.0, 1.0, false, false},
-    .claim = {1.0, 4.0, true},
+    .claim = {1.0, 3.0, true},
     .create = create,
     .destroy = destroy,
     .tune = tune,

@@ -22,21 +22,32 @@ static float left_out_m(const struct field *field, int col, int row, int half)
     return fmaxf(edges, cuts);
 }
 
-/* Err_Int: how far the posts that the patch leaves out of its offspring's are from it. */
+static float cut_error_m(const struct field *field, int col, int row)
+{
+    float rising = field_height_m(field, col, row) + field_height_m(field, col + 1, row + 1);
+    float falling = field_height_m(field, col + 1, row) + field_height_m(field, col, row + 1);
+    return 0.5f * fabsf(rising - falling);
+}
+
+/* Err_Int: how far what the patch leaves out of its offspring is from it. What half-posts have
+ * beyond posts is which way each cell is cut. */
 static float interpolation_error_m(const struct field *field, int col, int row, int step)
 {
     float most = 0.0f;
     for (int r = 0; r < PATCH_CELLS; r++)
-        for (int c = 0; c < PATCH_CELLS; c++)
-            most = fmaxf(most, left_out_m(field, col + c * step, row + r * step, step / 2));
+        for (int c = 0; c < PATCH_CELLS; c++) {
+            int at_col = col + c * step / 2, at_row = row + r * step / 2;
+            most = fmaxf(most, step == 2 ? cut_error_m(field, at_col, at_row)
+                                         : left_out_m(field, at_col, at_row, step / 4));
+        }
     return most;
 }
 
 static struct patch finest_patch(const struct field *field, int col, int row)
 {
     struct patch patch = {.least_m = INFINITY, .most_m = -INFINITY};
-    for (int r = row; r <= row + PATCH_CELLS; r++)
-        for (int c = col; c <= col + PATCH_CELLS; c++) {
+    for (int r = row; r <= row + PATCH_CELLS / 2; r++)
+        for (int c = col; c <= col + PATCH_CELLS / 2; c++) {
             float height_m = field_height_m(field, c, r);
             patch.least_m = fminf(patch.least_m, height_m);
             patch.most_m = fmaxf(patch.most_m, height_m);
@@ -121,7 +132,7 @@ static void set_box(const struct field *field, int col, int row, int span, struc
 
 static void set_level(const struct field *field, struct patches *patches, int level)
 {
-    int span = PATCH_CELLS * patch_step(patches, level);
+    int span = PATCH_CELLS * patch_step(patches, level) / 2; /* posts */
     for (int i = 0; i < 1 << 2 * level; i++) {
         struct patch_id id = {level, i & ((1 << level) - 1), i >> level};
         struct patch *patch = &patches->all[patch_index(id)];
@@ -135,13 +146,12 @@ static void set_level(const struct field *field, struct patches *patches, int le
 int patches_create(const struct field *field, struct patches **ret_patches, struct diag *diag)
 {
     int levels = 1;
-    while (PATCH_CELLS << (levels - 1) < field->cells)
+    while (PATCH_CELLS << (levels - 1) < 2 * field->cells)
         levels++;
-    if (PATCH_CELLS << (levels - 1) != field->cells)
+    if (PATCH_CELLS << (levels - 1) != 2 * field->cells)
         return diag_set(diag, -EINVAL,
-                        "a field of %d cells a side: patches of %d cells are a quadtree of %d, %d, "
-                        "%d, ... of them",
-                        field->cells, PATCH_CELLS, PATCH_CELLS, 2 * PATCH_CELLS, 4 * PATCH_CELLS);
+                        "a field of %d cells a side: a quadtree of patches has %d, %d, %d, ...",
+                        field->cells, PATCH_CELLS, 2 * PATCH_CELLS, 4 * PATCH_CELLS);
     struct patches *patches = calloc(1, sizeof(*patches));
     int count = patch_index((struct patch_id){levels, 0, 0});
     struct patch *all = calloc((size_t)count, sizeof(*all));

@@ -1,7 +1,9 @@
 /* The patch quadtree of a field (Yusov 2012, sections 2.3.1 and 2.3.5): squares of PATCH_CELLS x
- * PATCH_CELLS cells, of every post at the finest level and of every second of the next finer one's
- * at all others. What is known of each is how far it is at most from the field, and a box that its
- * ground is in. Pure arithmetic: immutable once made, any thread. */
+ * PATCH_CELLS cells, of every half-post at the finest level and of every second of the next finer
+ * one's at all others. The level of half-posts is what a tessellator needs beyond the paper, as it
+ * cuts cells which way it likes: the second finest has every post, but not the triangles between
+ * them. What is known of each is how far it is at most from the field, and a box that its ground is
+ * in. Pure arithmetic: immutable once made, any thread. */
 #pragma once
 
 #include <stdbool.h>
@@ -21,7 +23,7 @@ struct patch_box {
 
 struct patch {
     struct patch_box box;
-    float error_m; /* no post of the field is vertically farther from the patch's triangles */
+    float error_m;         /* what finer levels have is vertically no farther from it */
     float least_m, most_m; /* of its ground */
 };
 
@@ -40,7 +42,7 @@ static inline int patch_index(struct patch_id id)
     return ((1 << 2 * id.level) - 1) / 3 + (id.row << id.level) + id.col;
 }
 
-/* The cells of the field that a cell of a patch is wide. */
+/* How many half-posts of the field a cell of a patch is wide. */
 static inline int patch_step(const struct patches *patches, int level)
 {
     return 1 << (patches->levels - 1 - level);

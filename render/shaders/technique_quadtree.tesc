@@ -22,13 +22,13 @@ const float EARTH_M = 6.4e6; // at most
 
 float half_edge_m()
 {
-    return EARTH_M * scene.grid.x * float(BLOCK_CELLS * of_patch[0].z);
+    return 0.5 * EARTH_M * scene.grid.x * float(BLOCK_CELLS * of_patch[0].z);
 }
 
 // The place of a post of the patch, and which way is up there.
 vec3 place_of(ivec2 post, float height, out vec3 up)
 {
-    ivec2 halves = 2 * (of_patch[0].xy + post * of_patch[0].z + ivec2(FIELD_COL, FIELD_ROW));
+    ivec2 halves = of_patch[0].xy + post * of_patch[0].z + 2 * ivec2(FIELD_COL, FIELD_ROW);
     vec3 dn = normal_difference(FIELD_PANE, halves, 0);
     up = vec3(dn.xy, 1.0 + dn.z);
     return field_enu_of_difference(dn, height);
@@ -84,7 +84,7 @@ bool is_at_the_end(int side)
 {
     ivec2 first = of_patch[0].xy, last = first + PATCH_CELLS * of_patch[0].z;
     return side == 0 ? first.x == 0 : side == 1 ? first.y == 0
-         : side == 2 ? last.x == FIELD_CELLS : side == 3 && last.y == FIELD_CELLS;
+         : side == 2 ? last.x == 2 * FIELD_CELLS : side == 3 && last.y == 2 * FIELD_CELLS;
 }
 
 void main()

@@ -20,5 +20,6 @@ void main()
     float height = texelFetch(patch_heights, ivec3(post, tile.w), 0).r;
     if (foot)
         height -= skirt_m;
-    gl_Position = field_clip(field_enu(tile.xy + post * tile.z, height));
+    ivec2 halves = tile.xy + post * tile.z + 2 * ivec2(FIELD_COL, FIELD_ROW);
+    gl_Position = field_clip(field_enu_of_difference(normal_difference(FIELD_PANE, halves, 0), height));
 }

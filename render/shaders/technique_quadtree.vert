@@ -1,6 +1,6 @@
 // Passes on a block of a patch: first those of its ground, then those of the skirts along its west,
 // south, east and north.
-layout(location = 0) in ivec4 patch_at; // the first post (column, row), posts a step, layer
+layout(location = 0) in ivec4 patch_at; // the first half-post (column, row), half-posts a step, layer
 
 out ivec4 of_patch;
 out ivec3 of_block; // column, row; of the ground: -1, of a skirt: its side

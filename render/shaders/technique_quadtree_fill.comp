@@ -4,7 +4,7 @@
 layout(local_size_x = 64) in;
 
 struct Arrival {
-    ivec4 at;      // the first post (column, row), posts a step, layer
+    ivec4 at;      // the first half-post (column, row), half-posts a step, layer
     float error_m; // of the patch itself
 };
 layout(std430, binding = 0) readonly buffer Arrivals {
@@ -54,7 +54,9 @@ void load(Arrival arrival, ivec2 block)
 {
     for (int i = int(gl_LocalInvocationIndex); i < POSTS; i += 64) {
         ivec2 post = block * BLOCK_CELLS + ivec2(i % SIDE, i / SIDE);
-        float height = field_height(arrival.at.xy + post * arrival.at.z);
+        ivec2 halves = arrival.at.xy + post * arrival.at.z;
+        float height = arrival.at.z == 1 ? field_height_between(0.5 * vec2(halves))
+                                         : field_height(halves >> 1);
         heights[i] = height;
         imageStore(patch_heights, ivec3(post, arrival.at.w), vec4(height));
     }
