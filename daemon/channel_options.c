@@ -10,7 +10,6 @@ static const struct argp_option known[] = {
     {"geoid", OPT_GEOID, "egm96|FILE", 0, "the geoid of heights above mean sea level", 0},
     {"size", OPT_SIZE, "WxH", 0, "pixels (default 1024x576)", 0},
     {"pixel-error", OPT_PIXEL_ERROR, "PX", 0, "error allowed on the screen (default 1)", 0},
-    {"technique", OPT_TECHNIQUE, "NAME", 0, "how the terrain is drawn (clipmap)", 0},
     {0},
 };
 
@@ -30,6 +29,27 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
     case OPT_PIXEL_ERROR:
         channel->pixel_error = cli_number(state, "pixel-error", argument, 0.1, 100.0);
         return 0;
+    default:
+        return ARGP_ERR_UNKNOWN;
+    }
+}
+
+static const struct argp parser = {.options = known, .parser = parse_option};
+
+const struct argp_child channel_compared_children[] = {{&parser, 0, NULL, 0}, {0}};
+
+static const struct argp_option technique[] = {
+    {"technique", OPT_TECHNIQUE, "NAME", 0, "how the terrain is drawn (clipmap)", 0},
+    {0},
+};
+
+static error_t parse_technique(int key, char *argument, struct argp_state *state)
+{
+    struct channel_params *channel = state->input;
+    switch (key) {
+    case ARGP_KEY_INIT:
+        state->child_inputs[0] = channel;
+        return 0;
     case OPT_TECHNIQUE:
         channel->technique = argument;
         return 0;
@@ -38,6 +58,7 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
     }
 }
 
-static const struct argp parser = {.options = known, .parser = parse_option};
+static const struct argp technique_parser = {
+    .options = technique, .parser = parse_technique, .children = channel_compared_children};
 
-const struct argp_child channel_children[] = {{&parser, 0, NULL, 0}, {0}};
+const struct argp_child channel_children[] = {{&technique_parser, 0, NULL, 0}, {0}};

@@ -7,3 +7,6 @@
 #include <argp.h>
 
 extern const struct argp_child channel_children[];
+
+/* The same for what compares techniques: without --technique. */
+extern const struct argp_child channel_compared_children[];

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "daemon/html.h"
 #include "daemon/report.h"
 #include "daemon/version.h"
 
@@ -12,57 +13,17 @@
 #define PLOT_HEIGHT 240
 #define BINS        60
 
-static const char head[] =
-    "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\"><title>otwd report</title>\n"
-    "<style>body{font:15px/1.5 system-ui,sans-serif;margin:2rem auto;max-width:1040px;padding:0 "
-    "1rem;color:#1c2733}h1{font-size:1.5rem}h2{font-size:1.1rem;margin-top:2rem}table{border-"
-    "collapse:collapse}td,th{padding:.25rem .8rem;border-bottom:1px solid #d8dee4;text-align:right}"
-    "td:first-child,th:first-child{text-align:left}svg{width:100%;height:auto;background:#f6f8fa}"
-    "text{font:12px system-ui,sans-serif;fill:#57606a}figure{margin:0;display:inline-block;width:"
-    "49%}img{width:100%}figcaption{font-size:.85rem;color:#57606a}</style></head><body>\n";
-
-static void write_text(FILE *file, const char *text)
-{
-    for (; *text; text++) {
-        switch (*text) {
-        case '<':
-            fputs("&lt;", file);
-            break;
-        case '>':
-            fputs("&gt;", file);
-            break;
-        case '&':
-            fputs("&amp;", file);
-            break;
-        case '"':
-            fputs("&quot;", file);
-            break;
-        default:
-            fputc(*text, file);
-        }
+        static void
+        write_row(FILE * file, const char *name, const struct report *report,
+                  enum report_metric metric)
+    {
+        struct distribution d = {0};
+        report_distribution(report, metric, &d);
+        fprintf(file,
+                "<tr><td>%s</td><td>%.2f</td><td>%.2f</td><td>%.2f</td><td>%.2f</td><td>%.2f</td>"
+                "<td>%.2f</td></tr>\n",
+                name, d.min, d.p50, d.p95, d.p99, d.p999, d.max);
     }
-}
-
-static void write_row(FILE *file, const char *name, const struct report *report,
-                      enum report_metric metric)
-{
-    struct distribution d = {0};
-    report_distribution(report, metric, &d);
-    fprintf(file,
-            "<tr><td>%s</td><td>%.2f</td><td>%.2f</td><td>%.2f</td><td>%.2f</td><td>%.2f</td>"
-            "<td>%.2f</td></tr>\n",
-            name, d.min, d.p50, d.p95, d.p99, d.p999, d.max);
-}
-
-static double nice_above(double value)
-{
-    double unit = pow(10.0, floor(log10(fmax(value, 1e-3))));
-    static const double steps[] = {1.0, 2.0, 2.5, 5.0, 10.0};
-    for (size_t i = 0; i < sizeof(steps) / sizeof(steps[0]); i++)
-        if (steps[i] * unit >= value)
-            return steps[i] * unit;
-    return 10.0 * unit;
-}
 
 static void write_axis(FILE *file, double top, double last_s)
 {
@@ -84,7 +45,7 @@ static void write_curve(FILE *file, const struct report *report)
     double top = 1e-3, last_s = fmax(report->frames[report->count - 1].time_s, 1e-3);
     for (size_t i = 0; i < report->count; i++)
         top = fmax(top, report->frames[i].frame_ms);
-    top = nice_above(top);
+    top = html_nice_above(top);
     fprintf(file, "<svg viewBox=\"0 0 %d %d\">\n", PLOT_WIDTH, PLOT_HEIGHT + 22);
     write_axis(file, top, last_s);
     fputs("<path fill=\"none\" stroke=\"#0969da\" stroke-width=\"1.2\" d=\"", file);
@@ -144,12 +105,12 @@ static void write_pictures(FILE *file, const struct report *report,
 static void write_facts(FILE *file, const struct report *report, const struct report_facts *facts)
 {
     fputs("<p>Flight ", file);
-    write_text(file, facts->flight);
+    html_text(file, facts->flight);
     fprintf(file, ", %zu frames of %d x %d at %g Hz, technique %s, on ", report->count,
             facts->width, facts->height, facts->rate_hz, facts->technique);
-    write_text(file, facts->gl->renderer);
+    html_text(file, facts->gl->renderer);
     fputs(" (", file);
-    write_text(file, facts->gl->version);
+    html_text(file, facts->gl->version);
     fprintf(file, "). otwd %s, %s.</p>\n", OTWD_VERSION, OTWD_COMMIT);
 }
 
@@ -159,8 +120,7 @@ int report_write_html(const struct report *report, const struct report_facts *fa
     FILE *file = fopen(path, "w");
     if (!file)
         return diag_set(diag, -errno, "%s: %s", path, strerror(errno));
-    fputs(head, file);
-    fputs("<h1>otwd: a measured flight</h1>\n", file);
+    html_begin(file, "otwd: a measured flight");
     write_facts(file, report, facts);
     fputs("<table><tr><th>ms</th><th>min</th><th>p50</th><th>p95</th><th>p99</th><th>p99.9</th>"
           "<th>max</th></tr>\n",
@@ -177,9 +137,7 @@ int report_write_html(const struct report *report, const struct report_facts *fa
         fputs("<h2>Pictures</h2>\n", file);
         write_pictures(file, report, facts);
     }
-    fputs("</body></html>\n", file);
-    bool failed = ferror(file);
-    if (fclose(file) != 0 || failed)
+    if (html_end(file) < 0)
         return diag_set(diag, -EIO, "%s: cannot write: %s", path, strerror(errno));
     return 0;
 }

@@ -279,7 +279,8 @@ int quality_against_kept(struct quality *quality, struct renderer *renderer,
 struct quality_pictures quality_pictures(struct quality *quality, double gain)
 {
     for (size_t i = 0; i < 4 * quality->picture; i++) {
-        int d = abs(quality->ours[i] - quality->reference[i]);
+        bool beyond = quality->params.field && !(quality->kept_depth[i / 4] > 0.0f);
+        int d = beyond ? 0 : abs(quality->ours[i] - quality->reference[i]);
         quality->difference[i] = i % 4 == 3 ? 255 : (uint8_t)fmin(gain * d, 255.0);
     }
     return (struct quality_pictures){quality->ours, quality->reference, quality->difference};

@@ -73,7 +73,7 @@ int quality_look(struct quality *quality, struct renderer *renderer, const struc
                  struct quality_tally *tally);
 
 /* The pictures that were judged last, RGBA, rows from the bottom; borrowed. The difference is
- * amplified `gain` times, around nothing (black). */
+ * amplified `gain` times, around nothing (black); with a field, of what lies in it. */
 struct quality_pictures {
     const uint8_t *ours, *reference, *difference;
 };

@@ -105,3 +105,8 @@ void technique_destroy(struct technique *technique);
 void technique_show(struct technique *technique, const struct technique_params *params,
                     struct renderer *renderer, const struct view *view,
                     struct technique_timer *timer);
+
+/* The same as the edges of its triangles, for people to look at; without a technique the clipmap.
+ */
+void technique_show_edges(struct technique *technique, const struct technique_params *params,
+                          struct renderer *renderer, const struct view *view);

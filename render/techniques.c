@@ -1,8 +1,10 @@
 /* The list of techniques, and what is the same for all. */
+#include <epoxy/gl.h>
 #include <math.h>
 #include <string.h>
 
 #include "render/renderer.h"
+#include "render/scene.h"
 #include "render/technique.h"
 #include "render/technique_quadtree.h"
 #include "render/technique_reference.h"
@@ -77,4 +79,32 @@ void technique_show(struct technique *technique, const struct technique_params *
     technique_timer_mark(timer, MARK_UPDATE);
     renderer_redraw_with(renderer, show, &showing);
     technique_timer_mark(timer, MARK_END);
+}
+
+/* The mesh of the renderer's own frame. */
+static void show_clipmap(const struct showing *showing)
+{
+    struct scene_block scene = {0};
+    const struct technique_params *params = showing->params;
+    scene_set_view(showing->view, &scene);
+    renderer_redraw(showing->renderer, showing->view, scene.clip_from_enu,
+                    renderer_depth_framebuffer(showing->renderer), params->width, params->height);
+}
+
+static void show_edges(void *user)
+{
+    struct showing *showing = user;
+    glPolygonMode(GL_FRONT_AND_BACK, GL_LINE);
+    if (showing->technique)
+        show(showing);
+    else
+        show_clipmap(showing);
+    glPolygonMode(GL_FRONT_AND_BACK, GL_FILL);
+}
+
+void technique_show_edges(struct technique *technique, const struct technique_params *params,
+                          struct renderer *renderer, const struct view *view)
+{
+    struct showing showing = {technique, params, renderer, view, NULL};
+    renderer_redraw_with(renderer, show_edges, &showing);
 }

@@ -14,8 +14,9 @@ _otwd_values() {
     --datum) echo "egm96 ellipsoid" ;;
     --speed) echo "max" ;;
     --samples) echo "1 4" ;;
-    bench) echo "codec motion quality stability" ;;
-    --flight) echo "taxi low dash fast high descent climb creep" ;;
+    --techniques) "${COMP_WORDS[0]}" bench --techniques '?' 2>&1 | sed -n 's/.*there are/all/p' | tr -d , ;;
+    bench) [[ $current == -* ]] || echo "codec motion quality stability" ;;
+    --flight) [ "${COMP_WORDS[2]}" != stability ] || echo "taxi low dash fast high descent climb creep" ;;
     --to) echo "udp:// can: sim:" ;;
     esac
 }
@@ -32,7 +33,7 @@ _otwd() {
     if [ -n "$values" ]; then
         mapfile -t COMPREPLY < <(compgen -W "$values" -- "$current")
     elif [[ $current == -* ]]; then
-        [ "${COMP_WORDS[1]}" != bench ] || words=3
+        [[ ${COMP_WORDS[1]} != bench || ${COMP_WORDS[2]} == -* ]] || words=3
         options=$(_otwd_options "${COMP_WORDS[@]:0:words}")
         mapfile -t COMPREPLY < <(compgen -W "$options" -- "$current")
     else

@@ -20,7 +20,7 @@ completed() {
 }
 # shellcheck disable=SC2086 # a name may be two words
 for name in run replay demo import merge info verify height dig send 'bench codec' \
-    'bench motion' 'bench quality' 'bench stability' status check-config; do
+    bench 'bench motion' 'bench quality' 'bench stability' status check-config; do
     "$OTWD" $name --help >help.txt 2>&1
     if [ $? -eq 69 ]; then # no GDAL, no import
         cat help.txt

@@ -1,0 +1,183 @@
+#include "daemon/technique_flights.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define WARM_FRAMES 8 /* that nobody counts before each round */
+
+int flown_init(struct flown *flown, struct entry *entry, const struct flights_params *params)
+{
+    size_t frames = (size_t)params->frames, all = frames * (size_t)params->rounds;
+    size_t judged = (frames + (size_t)params->every - 1) / (size_t)params->every;
+    *flown = (struct flown){.entry = entry, .worst_db = INFINITY};
+    flown->frame_ms = calloc(all, sizeof(double));
+    flown->gpu_ms = calloc(all, sizeof(double));
+    flown->cpu_ms = calloc(all, sizeof(double));
+    if (!flown->frame_ms || !flown->gpu_ms || !flown->cpu_ms)
+        return -ENOMEM;
+    int r = samples_init(&flown->triangles, all);
+    r = r < 0 ? r : samples_init(&flown->vertices_sent, all);
+    r = r < 0 ? r : samples_init(&flown->bytes_sent, all);
+    r = r < 0 ? r : samples_init(&flown->error_px, judged * params->pixels);
+    return r < 0 ? r : samples_init(&flown->psnr_db, judged);
+}
+
+void flown_finish(struct flown *flown)
+{
+    free(flown->frame_ms);
+    free(flown->gpu_ms);
+    free(flown->cpu_ms);
+    samples_finish(&flown->triangles);
+    samples_finish(&flown->vertices_sent);
+    samples_finish(&flown->bytes_sent);
+    samples_finish(&flown->error_px);
+    samples_finish(&flown->psnr_db);
+}
+
+/* The truth of a frame is kept. */
+static int keep_truth(struct stage *stage, nsec_t time_ns, struct view *ret_view)
+{
+    int r = stage_go(stage, time_ns, true, ret_view);
+    if (r < 0)
+        return r;
+    technique_show(stage->truth, &stage->params, stage->renderer, ret_view, NULL);
+    return quality_keep(stage->quality, stage->renderer);
+}
+
+static int show_kept(struct stage *stage, const struct flights_params *params, struct flown *flown,
+                     nsec_t time_ns, struct view *view)
+{
+    struct entry *entry = flown->entry;
+    struct technique_cost cost;
+    int r = 0;
+    entry_tune(entry, flown->setting);
+    if (!entry->ops || entry->ops->history > 0)
+        r = entry_arrive(entry, stage, time_ns, params->step_ns, view);
+    return r < 0 ? r : entry_show(entry, stage, view, &cost);
+}
+
+static int judge(struct stage *stage, const struct flights_params *params, struct flown *flown,
+                 nsec_t time_ns, struct view *view)
+{
+    struct quality_difference difference;
+    int r = show_kept(stage, params, flown, time_ns, view);
+    if (r == 0)
+        r = quality_judge(stage->quality, stage->renderer, view, &flown->error_px, NULL);
+    if (r == 0)
+        r = quality_against_kept(stage->quality, stage->renderer, &difference);
+    if (r < 0)
+        return r;
+    samples_add(&flown->psnr_db, difference.psnr_db);
+    if (difference.psnr_db < flown->worst_db) {
+        flown->worst_db = difference.psnr_db;
+        flown->worst_ns = time_ns;
+    }
+    flown->strangers.pixels += difference.pixels;
+    flown->strangers.holes += difference.holes;
+    flown->strangers.walls += difference.walls;
+    return 0;
+}
+
+int flights_show(struct stage *stage, const struct flights_params *params, struct flown *flown,
+                 nsec_t time_ns, struct view *ret_view, struct quality_difference *ret_difference)
+{
+    int r = keep_truth(stage, time_ns, ret_view);
+    if (r == 0)
+        r = show_kept(stage, params, flown, time_ns, ret_view);
+    return r < 0 ? r : quality_against_kept(stage->quality, stage->renderer, ret_difference);
+}
+
+static int judge_all(struct stage *stage, const struct flights_params *params, struct flown *flown,
+                     int count)
+{
+    for (int frame = 0; frame < params->frames; frame += params->every) {
+        nsec_t time_ns = frame * params->step_ns;
+        struct view view;
+        if (params->progress)
+            fprintf(stderr, "\rpictures: frame %d of %d ", frame + 1, params->frames);
+        int r = frame == 0 ? stage_go(stage, 0, true, &view) : 0; /* how near the ground is */
+        if (r == 0)
+            r = keep_truth(stage, time_ns, &view);
+        quality_ask(stage->quality);
+        for (int i = 0; r == 0 && i < count; i++)
+            r = judge(stage, params, &flown[i], time_ns, &view);
+        if (r < 0)
+            return r;
+    }
+    return 0;
+}
+
+static int fly_frame(struct stage *stage, struct flown *flown, nsec_t time_ns,
+                     struct technique_cost *ret_cost)
+{
+    struct view view;
+    int r = entry_go(flown->entry, stage, time_ns, &view);
+    return r < 0 ? r : entry_show(flown->entry, stage, &view, ret_cost);
+}
+
+static int fly_round(struct stage *stage, const struct flights_params *params, struct flown *flown,
+                     int round)
+{
+    struct technique_cost cost;
+    entry_tune(flown->entry, flown->setting);
+    for (int i = -WARM_FRAMES; i < params->frames; i++) {
+        int r = fly_frame(stage, flown, i < 0 ? 0 : i * params->step_ns, &cost);
+        if (r < 0)
+            return r;
+        if (i < 0)
+            continue;
+        size_t at = (size_t)round * (size_t)params->frames + (size_t)i;
+        flown->frame_ms[at] = cost.frame_ms;
+        flown->gpu_ms[at] = cost.gpu_ms;
+        flown->cpu_ms[at] = cost.cpu_ms;
+        flown->facts = entry_facts(flown->entry, stage);
+        samples_add(&flown->triangles, (double)cost.triangles);
+        samples_add(&flown->vertices_sent, (double)flown->facts.vertices_sent);
+        samples_add(&flown->bytes_sent, (double)flown->facts.bytes_sent);
+    }
+    return 0;
+}
+
+int flights_fly(struct stage *stage, const struct flights_params *params, struct flown *flown,
+                int count, struct diag *diag)
+{
+    int r = judge_all(stage, params, flown, count);
+    for (int round = 0; r == 0 && round < params->rounds; round++)
+        for (int i = 0; r == 0 && i < count; i++) {
+            if (params->progress)
+                fprintf(stderr, "\rround %d of %d: %-20s", round + 1, params->rounds,
+                        flown[i].entry->name);
+            r = fly_round(stage, params, &flown[i], round);
+        }
+    if (params->progress)
+        fputc('\n', stderr);
+    return r < 0 ? diag_set(diag, r, "the GPU was lost") : 0;
+}
+
+static void widen(double value, double *least, double *most)
+{
+    *least = fmin(*least, value);
+    *most = fmax(*most, value);
+}
+
+struct spread flights_spread(const struct flights_params *params, const double *values_ms)
+{
+    size_t frames = (size_t)params->frames, all = frames * (size_t)params->rounds;
+    struct spread spread = {
+        .p50_least = INFINITY, .p50_most = 0.0, .p999_least = INFINITY, .p999_most = 0.0};
+    struct distribution d = {0};
+    for (int round = 0; round < params->rounds; round++) {
+        struct samples of = {(double *)values_ms + (size_t)round * frames, frames, frames};
+        samples_distribution(&of, &d);
+        widen(d.p50, &spread.p50_least, &spread.p50_most);
+        widen(d.p999, &spread.p999_least, &spread.p999_most);
+    }
+    struct samples whole = {(double *)values_ms, all, all};
+    samples_distribution(&whole, &d);
+    spread.p50 = d.p50;
+    spread.p999 = d.p999;
+    return spread;
+}

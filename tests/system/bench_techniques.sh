@@ -1,0 +1,93 @@
+#!/bin/sh
+# `otwd bench --flight`: every technique has its rows, the reference is the ground itself, what has
+# a setting meets the error that is asked for, the report is there, and what is asked wrongly is told.
+. "$(dirname "$0")/common.sh"
+
+cat >flight.csv <<END
+# altitude: egm96
+time_s,lat_deg,lon_deg,alt_m,roll_deg,pitch_deg,heading_deg
+0,46.3,9.2,3000,0,-30,60
+1,46.301,9.201,3000,0,-30,65
+END
+
+# measure NAME ARGUMENT...: into NAME.json.
+measure() {
+    name=$1
+    shift
+    "$OTWD" bench --flight flight.csv --size 160x90 --rate 4 --posts 513 --rounds 2 --pixels 1000 \
+        --json "$@" >"$name.json" 2>bench.log
+    case $? in
+    0) ;;
+    69)
+        echo "skip: $(cat bench.log)"
+        exit 77
+        ;;
+    *) fatal "$name: $(cat bench.log)" ;;
+    esac
+}
+
+# value TABLE TECHNIQUE OBJECT KEY: of both.json; a number, of an object or (OBJECT "") of the row.
+value() {
+    tr -d ' \n' <both.json |
+        sed -n "s/.*\"$1\":\[\(.*\)/\1/p" | sed 's/\],"equal_.*//' |
+        sed -n "s/.*{\"technique\":\"$2\"\(.*\)/\1/p" | sed 's/{"technique":.*//' |
+        sed -n "s/.*\"${3:+$3\":{[^\}]*\"}$4\":\([-0-9.e]*\).*/\1/p"
+}
+
+# within TABLE TECHNIQUE OBJECT KEY LEAST MOST
+within() {
+    awk -v a="$(value "$1" "$2" "$3" "$4")" -v least="$5" -v most="$6" \
+        'BEGIN { exit !(a != "" && a >= least && a <= most) }' ||
+        fail "$1, $2: $3 $4 is \"$(value "$1" "$2" "$3" "$4")\", not from $5 to $6"
+}
+
+measure both --techniques reference,clipmap --pixel-error 2 --report report
+grep -q '"not available"' both.json && fail "something is not available: $(cat both.json)"
+for table in equal_error equal_time; do
+    for technique in clipmap reference; do
+        within $table $technique frame_ms p50 0.01 60000
+        within $table $technique gpu_ms p50 0.01 60000
+        within $table $technique triangles p50 100 1e7
+        within $table $technique pixels judged 10000 72000
+        within $table $technique memory_mib gpu 0.9 100000
+    done
+    within $table reference error_px p999 0 0.01
+    within $table reference psnr_db worst 98.9 99
+    within $table reference pixels holes 0 0
+done
+within equal_error clipmap error_px p99 1 2.6 # chosen by other frames than are flown
+within equal_error clipmap psnr_db mean 15 60
+within equal_error clipmap pixels holes 0 200
+for name in clipmap clipmap-difference clipmap-edges reference; do
+    [ "$(head -c 4 "report/$name.png" | od -An -tx1 | tr -d ' ')" = 89504e47 ] || fail "no $name.png"
+done
+cmp -s report/clipmap.png report/reference.png && fail "the clipmap is the reference"
+cmp -s report/clipmap.png report/clipmap-edges.png && fail "edges are the picture"
+cmp -s both.json report/report.json || fail "report.json is not what was printed"
+grep -q '</html>' report/report.html || fail "report.html is cut short"
+grep -q 'clipmap-edges.png' report/report.html || fail "report.html shows no edges"
+
+# A flight that leaves the ground: the row says so.
+printf '600,47,10,3000,0,-30,65\n' >>flight.csv
+measure gone --techniques clipmap,reference --rate 0.1 --spacing 4 --every 1000
+grep -q '"reason": "the flight leaves the field' gone.json || fail "no reason: $(cat gone.json)"
+
+# expect STATUS TEXT ARGUMENT...
+expect() {
+    expected=$1 text=$2
+    shift 2
+    "$OTWD" bench --size 160x90 "$@" >out.txt 2>error.txt
+    status=$?
+    [ "$status" -eq "$expected" ] || fail "$*: status $status, not $expected"
+    grep -qF -- "$text" error.txt || fail "$*: \"$(cat error.txt)\" has no \"$text\""
+}
+expect 64 '--flight FLIGHT is missing'
+expect 64 'there is no technique "quadtrees"; there are clipmap, reference' \
+    --flight flight.csv --techniques clipmap,quadtrees
+expect 64 'a power of two and one more' --flight flight.csv --posts 1000
+expect 66 'absent.csv' --flight absent.csv
+expect 66 'absent.db' --flight flight.csv --terrain absent.db
+expect 65 'too few for a clipmap' --flight flight.csv --spacing 1000 --posts 16385
+printf 'no flight\n' >none.csv
+expect 65 'none.csv' --flight none.csv
+finish
