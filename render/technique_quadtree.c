@@ -6,22 +6,14 @@
 
 #include "render/technique_quadtree_patches.h"
 
-/* Posts of a tessellation block a side: 5, 9, 17 or 33 (table 2.4). */
-#ifndef QUADTREE_BLOCK
-#define QUADTREE_BLOCK 17
-#endif
-#define BLOCK_CELLS   (QUADTREE_BLOCK - 1)
-#define BLOCKS        (PATCH_CELLS / BLOCK_CELLS)    /* a side of a patch */
-#define BLOCKS_DRAWN  (BLOCKS * BLOCKS + 4 * BLOCKS) /* with the skirts */
 #define LAYERS_MOST   2048
-#define HEIGHTS_UNIT  9
-#define ERRORS_UNIT   10
-#define RANGES_UNIT   11
+#define FIRST_UNIT    9 /* of textures */
 #define SEEN_LOCATION 0
 #define NONE          -1
 
-_Static_assert(BLOCK_CELLS >= 4 && BLOCK_CELLS <= 32 && !(BLOCK_CELLS & (BLOCK_CELLS - 1)),
-               "blocks are of 5, 9, 17 or 33 posts a side");
+/* The texture arrays, in the order of their units. */
+enum { HEIGHTS, ERRORS, RANGES, ARRAYS };
+static const GLenum formats[ARRAYS] = {GL_R32F, GL_RGBA32F, GL_RG32F};
 
 struct placed_patch { /* technique_quadtree.vert: patch_at */
     GLint first[2], step, layer;
@@ -41,6 +33,8 @@ struct layer {
 
 struct technique_of_quadtree {
     struct technique base;
+    int block_cells, blocks; /* a side of a block, of a patch */
+    bool at_once; /* all in one call; else each patch has textures and a call of its own */
     struct patches *patches;
     int *layer_of;           /* [patches->count], or NONE */
     struct layer *layers;    /* [layer_count] */
@@ -54,7 +48,8 @@ struct technique_of_quadtree {
     bool crowded; /* the last frame had too few layers for its tolerance */
     GLuint fill, program, vertex_array;
     GLuint visible_buffer, arrival_buffer;
-    GLuint heights, errors, ranges;
+    GLuint arrays[ARRAYS];
+    GLuint (*views)[ARRAYS]; /* [layer_count]: a layer each; NULL where all are drawn at once */
 };
 
 static void destroy(struct technique *technique)
@@ -65,10 +60,11 @@ static void destroy(struct technique *technique)
     glDeleteVertexArrays(1, &self->vertex_array);
     glDeleteBuffers(1, &self->visible_buffer);
     glDeleteBuffers(1, &self->arrival_buffer);
-    glDeleteTextures(1, &self->heights);
-    glDeleteTextures(1, &self->errors);
-    glDeleteTextures(1, &self->ranges);
+    for (int i = 0; self->views && i < self->layer_count; i++)
+        glDeleteTextures(ARRAYS, self->views[i]);
+    glDeleteTextures(ARRAYS, self->arrays);
     patches_destroy(self->patches);
+    free(self->views);
     free(self->layer_of);
     free(self->layers);
     free(self->chosen);
@@ -85,6 +81,10 @@ static bool allocate(struct technique_of_quadtree *self)
     self->chosen = calloc(layers, sizeof(*self->chosen));
     self->visible = calloc(layers, sizeof(*self->visible));
     self->arrivals = calloc(layers, sizeof(*self->arrivals));
+    if (!self->at_once)
+        self->views = calloc(layers, sizeof(*self->views));
+    if (!self->at_once && !self->views)
+        return false;
     if (!self->layer_of || !self->layers || !self->chosen || !self->visible || !self->arrivals)
         return false;
     for (size_t i = 0; i < patches; i++)
@@ -99,7 +99,7 @@ static int create_programs(struct technique_of_quadtree *self, const struct fiel
 {
     char defines[64];
     snprintf(defines, sizeof(defines), "#define PATCH_CELLS %d\n#define BLOCK_CELLS %d\n",
-             PATCH_CELLS, BLOCK_CELLS);
+             PATCH_CELLS, self->block_cells);
     struct program_params fill = {.name = "technique_quadtree_fill", .defines = defines};
     struct program_params draw = {.name = "technique_quadtree", .defines = defines};
     int r = field_program_create(heights, &fill, &self->fill, diag);
@@ -124,12 +124,28 @@ static GLuint create_buffer(size_t bytes)
     return buffer;
 }
 
+static void create_views(struct technique_of_quadtree *self)
+{
+    for (int layer = 0; layer < self->layer_count; layer++) {
+        GLuint *views = self->views[layer];
+        glGenTextures(ARRAYS, views);
+        for (int i = 0; i < ARRAYS; i++) {
+            glTextureView(views[i], GL_TEXTURE_2D_ARRAY, self->arrays[i], formats[i], 0, 1,
+                          (GLuint)layer, 1);
+            glTextureParameteri(views[i], GL_TEXTURE_MIN_FILTER, GL_NEAREST);
+            glTextureParameteri(views[i], GL_TEXTURE_MAG_FILTER, GL_NEAREST);
+        }
+    }
+}
+
 static void create_objects(struct technique_of_quadtree *self)
 {
     int layers = self->layer_count;
-    self->heights = create_texture_array(GL_R32F, PATCH_CELLS + 1, layers);
-    self->errors = create_texture_array(GL_RGBA32F, BLOCKS, layers);
-    self->ranges = create_texture_array(GL_RG32F, BLOCKS, layers);
+    for (int i = 0; i < ARRAYS; i++)
+        self->arrays[i] =
+            create_texture_array(formats[i], i == HEIGHTS ? PATCH_CELLS + 1 : self->blocks, layers);
+    if (self->views)
+        create_views(self);
     self->visible_buffer = create_buffer((size_t)layers * sizeof(*self->visible));
     self->arrival_buffer = create_buffer((size_t)layers * sizeof(*self->arrivals));
     glCreateVertexArrays(1, &self->vertex_array);
@@ -146,13 +162,17 @@ static int least_of(int a, int b)
     return a < b ? a : b;
 }
 
-static int create(const struct technique_params *params, struct technique **ret_technique,
+static int create(const struct technique_ops *ops, int block_cells, bool at_once,
+                  const struct technique_params *params, struct technique **ret_technique,
                   struct diag *diag)
 {
     struct technique_of_quadtree *self = calloc(1, sizeof(*self));
     if (!self)
         return diag_set(diag, -ENOMEM, "no memory for the quadtree");
-    self->base.ops = &technique_quadtree;
+    *self = (struct technique_of_quadtree){.base.ops = ops,
+                                           .block_cells = block_cells,
+                                           .blocks = PATCH_CELLS / block_cells,
+                                           .at_once = at_once};
     int r = patches_create(params->field, &self->patches, diag);
     if (r == 0) {
         int layers = least_of(LAYERS_MOST, params->facts->max_array_layers);
@@ -238,11 +258,10 @@ static void fill(struct technique_of_quadtree *self)
     glNamedBufferSubData(self->arrival_buffer, 0,
                          self->arrival_count * (GLsizeiptr)sizeof(*self->arrivals), self->arrivals);
     glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 0, self->arrival_buffer);
-    glBindImageTexture(0, self->heights, 0, GL_TRUE, 0, GL_WRITE_ONLY, GL_R32F);
-    glBindImageTexture(1, self->errors, 0, GL_TRUE, 0, GL_WRITE_ONLY, GL_RGBA32F);
-    glBindImageTexture(2, self->ranges, 0, GL_TRUE, 0, GL_WRITE_ONLY, GL_RG32F);
+    for (GLuint i = 0; i < ARRAYS; i++)
+        glBindImageTexture(i, self->arrays[i], 0, GL_TRUE, 0, GL_WRITE_ONLY, formats[i]);
     glUseProgram(self->fill);
-    glDispatchCompute(BLOCKS, BLOCKS, (GLuint)self->arrival_count);
+    glDispatchCompute((GLuint)self->blocks, (GLuint)self->blocks, (GLuint)self->arrival_count);
     glMemoryBarrier(GL_TEXTURE_FETCH_BARRIER_BIT);
 }
 
@@ -263,6 +282,21 @@ static void update(struct technique *technique, const struct technique_frame *fr
                          self->visible_count * (GLsizeiptr)sizeof(*self->visible), self->visible);
 }
 
+static void draw_all(const struct technique_of_quadtree *self)
+{
+    glBindTextures(FIRST_UNIT, ARRAYS, self->arrays);
+    glDrawArraysInstanced(GL_PATCHES, 0, self->blocks * (self->blocks + 4), self->visible_count);
+}
+
+static void draw_each(const struct technique_of_quadtree *self)
+{
+    for (int i = 0; i < self->visible_count; i++) {
+        glBindTextures(FIRST_UNIT, ARRAYS, self->views[self->visible[i].layer]);
+        glDrawArraysInstancedBaseInstance(GL_PATCHES, 0, self->blocks * (self->blocks + 4), 1,
+                                          (GLuint)i);
+    }
+}
+
 static void draw(struct technique *technique, const struct technique_frame *frame)
 {
     struct technique_of_quadtree *self = (struct technique_of_quadtree *)technique;
@@ -270,12 +304,12 @@ static void draw(struct technique *technique, const struct technique_frame *fram
     glProgramUniform4f(self->program, SEEN_LOCATION, 0.5f * (float)frame->width,
                        0.5f * (float)frame->height, (float)(1.0 / frame->pixel_rad),
                        (float)self->tolerance_px);
-    glBindTextureUnit(HEIGHTS_UNIT, self->heights);
-    glBindTextureUnit(ERRORS_UNIT, self->errors);
-    glBindTextureUnit(RANGES_UNIT, self->ranges);
     glBindVertexArray(self->vertex_array);
     glPatchParameteri(GL_PATCH_VERTICES, 1);
-    glDrawArraysInstanced(GL_PATCHES, 0, BLOCKS_DRAWN, self->visible_count);
+    if (self->at_once)
+        draw_all(self);
+    else
+        draw_each(self);
 }
 
 static void facts(const struct technique *technique, struct technique_facts *ret_facts)
@@ -283,8 +317,8 @@ static void facts(const struct technique *technique, struct technique_facts *ret
     const struct technique_of_quadtree *self = (const struct technique_of_quadtree *)technique;
     uint64_t visible = (uint64_t)self->visible_count, arrivals = (uint64_t)self->arrival_count;
     uint64_t layer_bytes = (uint64_t)(PATCH_CELLS + 1) * (PATCH_CELLS + 1) * 4 +
-                           (uint64_t)BLOCKS * BLOCKS * (16 + 8) + sizeof(*self->visible) +
-                           sizeof(*self->arrivals);
+                           (uint64_t)(self->blocks * self->blocks) * (16 + 8) +
+                           sizeof(*self->visible) + sizeof(*self->arrivals);
     uint64_t layer_cpu_bytes = sizeof(*self->layers) + sizeof(*self->chosen) +
                                sizeof(*self->visible) + sizeof(*self->arrivals);
     *ret_facts = (struct technique_facts){
@@ -298,15 +332,28 @@ static void facts(const struct technique *technique, struct technique_facts *ret
     };
 }
 
-const struct technique_ops technique_quadtree = {
-    .name = "quadtree",
-    .title = "Yusov 2012: patch quadtree, tessellation blocks",
-    .knob = {"tolerance, px", 0.1, 64.0, 1.0, false, false},
-    .claim = {1.0, 3.0, true},
-    .create = create,
-    .destroy = destroy,
-    .tune = tune,
-    .update = update,
-    .draw = draw,
-    .facts = facts,
-};
+/* Blocks of so many posts a side (table 2.4), with texture arrays or without (table 2.3). */
+#define QUADTREE(symbol, name_text, posts, all)                                                    \
+    static int symbol##_create(const struct technique_params *params,                              \
+                               struct technique **ret_technique, struct diag *diag)                \
+    {                                                                                              \
+        return create(&symbol, (posts)-1, all, params, ret_technique, diag);                       \
+    }                                                                                              \
+    const struct technique_ops symbol = {                                                          \
+        .name = name_text,                                                                         \
+        .title = "Yusov 2012: patch quadtree, tessellation blocks of " #posts " x " #posts,        \
+        .knob = {"tolerance, px", 0.1, 64.0, 1.0, false, false},                                   \
+        .claim = {1.0, 3.0, true},                                                                 \
+        .create = symbol##_create,                                                                 \
+        .destroy = destroy,                                                                        \
+        .tune = tune,                                                                              \
+        .update = update,                                                                          \
+        .draw = draw,                                                                              \
+        .facts = facts,                                                                            \
+    }
+
+QUADTREE(technique_quadtree, "quadtree", 17, true);
+QUADTREE(technique_quadtree_5, "quadtree-5", 5, true);
+QUADTREE(technique_quadtree_9, "quadtree-9", 9, true);
+QUADTREE(technique_quadtree_33, "quadtree-33", 33, true);
+QUADTREE(technique_quadtree_apart, "quadtree-apart", 17, false);

@@ -5,4 +5,5 @@
 
 #include "render/technique.h"
 
-extern const struct technique_ops technique_quadtree;
+extern const struct technique_ops technique_quadtree, technique_quadtree_5, technique_quadtree_9,
+    technique_quadtree_33, technique_quadtree_apart;

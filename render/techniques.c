@@ -12,6 +12,10 @@
 const struct technique_ops *const techniques[] = {
     &technique_reference,
     &technique_quadtree,
+    &technique_quadtree_5,
+    &technique_quadtree_9,
+    &technique_quadtree_33,
+    &technique_quadtree_apart,
     NULL,
 };
 
