@@ -30,6 +30,8 @@ int bench_main(int argc, char **argv)
         fprintf(stderr, "otwd: there is no subject \"%s\"; `otwd bench --help` lists them\n",
                 subject);
     else
-        fputs("otwd: bench what? `otwd bench --help` tells\n", stderr);
+        fputs("otwd: bench what? --flight FLIGHT, or codec RASTER..., motion, quality FLIGHT or "
+              "stability; `otwd bench --help` tells\n",
+              stderr);
     return EX_USAGE;
 }

@@ -234,12 +234,14 @@ static int open_all(struct comparing *comparing, struct diag *diag)
         return r;
     double frames =
         floor(seconds_from_ns(flight_duration_ns(comparing->flight)) * options->rate_hz + 1e-9);
-    struct flights_params params = {.frames = 1 + (int)fmin(frames, 1e6),
-                                    .step_ns = ns_from_seconds(1.0 / options->rate_hz),
-                                    .rounds = options->rounds,
-                                    .every = options->every,
-                                    .pixels = options->pixels,
-                                    .progress = comparing->progress};
+    struct flights_params params = {
+        .frames = 1 + (int)fmin(frames, 1e6),
+        .step_ns = ns_from_seconds(1.0 / options->rate_hz),
+        .rounds = options->rounds,
+        .every = options->every,
+        .pixels = options->pixels,
+        .watched = stability_pixels(options->channel.width, options->channel.height),
+        .progress = comparing->progress};
     if (params.every == 0)
         params.every = 1 + params.frames / JUDGED_FRAMES;
     comparing->report = (struct technique_report){.flight = options->flight,
@@ -282,18 +284,21 @@ static int fly_all(struct comparing *comparing, enum comparison which, enum poin
 {
     struct technique_report *report = &comparing->report;
     struct flown *flown = comparing->flown[which];
+    struct flights_params params = report->params;
     int count = 0;
+    if (which != EQUAL_ERROR)
+        params.watched = 0; /* motion is measured once */
     for (int i = 0; i < report->count; i++) {
         const struct point *point = meeting(comparing, i, goal, value);
         if (!entry_is_available(&comparing->entries[i]) || !point)
             continue;
-        if (flown_init(&flown[count], &comparing->entries[i], &report->params) < 0)
+        if (flown_init(&flown[count], &comparing->entries[i], &params) < 0)
             return diag_set(diag, -ENOMEM, "no memory for %d frames", report->params.frames);
         flown[count].setting = point->setting;
         flown[count++].met = point_value(point, goal) <= value * (1.0 + POINTS_WITHIN);
     }
     report->flown_count[which] = count;
-    return flights_fly(&comparing->stage, &report->params, flown, count, diag);
+    return count == 0 ? 0 : flights_fly(&comparing->stage, &params, flown, count, diag);
 }
 
 /* What the clipmap's frame takes where its error is as asked; 0 where it is not compared. */
@@ -330,14 +335,6 @@ static int compare(struct comparing *comparing, struct diag *diag)
     return r < 0 ? r : fly_all(comparing, EQUAL_TIME, POINT_TIME, report->time_ms, diag);
 }
 
-static void print_json(const struct technique_report *report)
-{
-    json_t *root = technique_report_json(report);
-    json_dumpf(root, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(7));
-    putchar('\n');
-    json_decref(root);
-}
-
 int bench_techniques_main(int argc, char **argv)
 {
     static struct comparing comparing; /* some 100 KB */
@@ -357,8 +354,10 @@ int bench_techniques_main(int argc, char **argv)
         mkdir(directory, 0777); /* what is wrong with it the files will tell */
         r = technique_report_write(&comparing.report, &comparing.stage, directory, &diag);
     }
-    if (r == 0)
-        (comparing.options.json ? print_json : technique_report_print)(&comparing.report);
+    if (r == 0 && comparing.options.json)
+        technique_report_print_json(&comparing.report, stdout);
+    else if (r == 0)
+        technique_report_print(&comparing.report);
     close_all(&comparing);
     return r < 0 ? cli_fail(r, &diag) : EX_OK;
 }

@@ -13,17 +13,16 @@
 #define PLOT_HEIGHT 240
 #define BINS        60
 
-        static void
-        write_row(FILE * file, const char *name, const struct report *report,
-                  enum report_metric metric)
-    {
-        struct distribution d = {0};
-        report_distribution(report, metric, &d);
-        fprintf(file,
-                "<tr><td>%s</td><td>%.2f</td><td>%.2f</td><td>%.2f</td><td>%.2f</td><td>%.2f</td>"
-                "<td>%.2f</td></tr>\n",
-                name, d.min, d.p50, d.p95, d.p99, d.p999, d.max);
-    }
+static void write_row(FILE *file, const char *name, const struct report *report,
+                      enum report_metric metric)
+{
+    struct distribution d = {0};
+    report_distribution(report, metric, &d);
+    fprintf(file,
+            "<tr><td>%s</td><td>%.2f</td><td>%.2f</td><td>%.2f</td><td>%.2f</td><td>%.2f</td>"
+            "<td>%.2f</td></tr>\n",
+            name, d.min, d.p50, d.p95, d.p99, d.p999, d.max);
+}
 
 static void write_axis(FILE *file, double top, double last_s)
 {

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#define PAIRS       8 /* of frames, one after the other, whose motion is measured */
 #define WARM_FRAMES 8 /* that nobody counts before each round */
 
 int flown_init(struct flown *flown, struct entry *entry, const struct flights_params *params)
@@ -22,7 +23,8 @@ int flown_init(struct flown *flown, struct entry *entry, const struct flights_pa
     r = r < 0 ? r : samples_init(&flown->vertices_sent, all);
     r = r < 0 ? r : samples_init(&flown->bytes_sent, all);
     r = r < 0 ? r : samples_init(&flown->error_px, judged * params->pixels);
-    return r < 0 ? r : samples_init(&flown->psnr_db, judged);
+    r = r < 0 ? r : samples_init(&flown->psnr_db, judged);
+    return r < 0 ? r : samples_init(&flown->motion_px, PAIRS * params->watched);
 }
 
 void flown_finish(struct flown *flown)
@@ -35,6 +37,7 @@ void flown_finish(struct flown *flown)
     samples_finish(&flown->bytes_sent);
     samples_finish(&flown->error_px);
     samples_finish(&flown->psnr_db);
+    samples_finish(&flown->motion_px);
 }
 
 /* The truth of a frame is kept. */
@@ -79,6 +82,56 @@ static int judge(struct stage *stage, const struct flights_params *params, struc
     flown->strangers.holes += difference.holes;
     flown->strangers.walls += difference.walls;
     return 0;
+}
+
+static bool is_watched(const struct flown *flown)
+{
+    const struct technique_ops *ops = flown->entry->ops;
+    return !ops || ops->claim.from_anywhere;
+}
+
+/* A frame and the next. */
+static int watch_pair(struct stage *stage, const struct flights_params *params, struct flown *flown,
+                      struct stability *stability, nsec_t time_ns)
+{
+    struct stability_tally tally = {.motion_px = flown->motion_px};
+    struct technique_cost cost;
+    struct view view;
+    struct technique_again again = {flown->entry->technique, &stage->params, &view};
+    stability_draw_by(stability, flown->entry->ops ? technique_draw_again : NULL, &again);
+    int r = entry_arrive(flown->entry, stage, time_ns, params->step_ns, &view);
+    for (int i = 0; r == 0 && i < 2; i++) {
+        if (i == 1)
+            r = entry_go(flown->entry, stage, time_ns + params->step_ns, &view);
+        if (r == 0)
+            r = entry_show(flown->entry, stage, &view, &cost);
+        if (r == 0)
+            r = stability_look(stability, stage->renderer, &view,
+                               stage_height_above_ground_m(stage, &view), i == 1 ? &tally : NULL);
+    }
+    flown->motion_px = tally.motion_px;
+    return r;
+}
+
+static int watch_all(struct stage *stage, const struct flights_params *params, struct flown *flown,
+                     int count, struct diag *diag)
+{
+    struct stability *stability = NULL;
+    int r = stability_create(stage->params.width, stage->params.height, &stability, diag);
+    if (r < 0)
+        return r;
+    for (int pair = 0; r == 0 && pair < PAIRS && pair < params->frames - 1; pair++) {
+        int frame = (int)((double)pair / PAIRS * (params->frames - 1));
+        if (params->progress)
+            fprintf(stderr, "\rmotion: frame %d of %d ", frame + 1, params->frames);
+        for (int i = 0; r == 0 && i < count; i++) {
+            entry_tune(flown[i].entry, flown[i].setting);
+            if (is_watched(&flown[i]))
+                r = watch_pair(stage, params, &flown[i], stability, frame * params->step_ns);
+        }
+    }
+    stability_destroy(stability);
+    return r < 0 ? diag_set(diag, r, "the GPU was lost") : 0;
 }
 
 int flights_show(struct stage *stage, const struct flights_params *params, struct flown *flown,
@@ -145,6 +198,8 @@ int flights_fly(struct stage *stage, const struct flights_params *params, struct
                 int count, struct diag *diag)
 {
     int r = judge_all(stage, params, flown, count);
+    if (r == 0 && params->watched > 0)
+        r = watch_all(stage, params, flown, count, diag);
     for (int round = 0; r == 0 && round < params->rounds; round++)
         for (int i = 0; r == 0 && i < count; i++) {
             if (params->progress)

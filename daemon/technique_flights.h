@@ -2,6 +2,7 @@
 #pragma once
 
 #include "daemon/technique_entry.h"
+#include "render/stability.h"
 
 struct flights_params {
     int frames; /* of the flight, */
@@ -9,6 +10,7 @@ struct flights_params {
     int rounds;
     int every;       /* frames, of which one is judged */
     unsigned pixels; /* of it */
+    size_t watched;  /* pixels of a frame whose motion is measured: stability_pixels(); 0: none */
     bool progress;   /* on stderr */
 };
 
@@ -21,8 +23,10 @@ struct flown {
     struct samples triangles, vertices_sent, bytes_sent; /* of frames */
     struct technique_facts facts;                        /* of the last frame */
     struct samples error_px, psnr_db;
-    double worst_db;                     /* the frame with the worst ratio, */
-    nsec_t worst_ns;                     /* and when it is */
+    struct samples
+        motion_px;   /* of the ground that the camera does not explain; none: not measured */
+    double worst_db; /* the frame with the worst ratio, */
+    nsec_t worst_ns; /* and when it is */
     struct quality_difference strangers; /* pixels, holes and walls of all judged frames */
 };
 

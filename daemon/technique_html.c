@@ -283,16 +283,22 @@ static int write_worst(struct technique_report *report, struct stage *stage, con
                          quality_pictures(stage->quality, 1.0).ours, diag);
 }
 
+static int write_json(const struct technique_report *report, const char *path, struct diag *diag)
+{
+    FILE *file = fopen(path, "w");
+    if (!file)
+        return diag_set(diag, -EIO, "%s: %s", path, strerror(errno));
+    technique_report_print_json(report, file);
+    bool failed = ferror(file);
+    return fclose(file) != 0 || failed ? diag_set(diag, -EIO, "%s: cannot write", path) : 0;
+}
+
 int technique_report_write(struct technique_report *report, struct stage *stage,
                            const char *directory, struct diag *diag)
 {
     char path[4096];
-    json_t *json = technique_report_json(report);
     snprintf(path, sizeof(path), "%s/report.json", directory);
-    int r = json && json_dump_file(json, path, JSON_INDENT(2) | JSON_REAL_PRECISION(7)) == 0
-                ? 0
-                : diag_set(diag, -EIO, "%s: cannot write", path);
-    json_decref(json);
+    int r = write_json(report, path, diag);
     for (int i = 0; r == 0 && i < report->flown_count[EQUAL_ERROR]; i++)
         r = write_worst(report, stage, directory, &report->flown[EQUAL_ERROR][i], diag);
     snprintf(path, sizeof(path), "%s/report.html", directory);

@@ -126,6 +126,8 @@ static int visit_frame(struct stage *stage, const struct points_params *params, 
 static int measure(struct stage *stage, const struct points_params *params,
                    struct gathering *gatherings, int count, struct diag *diag)
 {
+    if (count == 0)
+        return 0;
     int r = 0;
     for (int i = 0; r == 0 && i < count; i++)
         r = gathering_init(&gatherings[i], params);

@@ -1,5 +1,6 @@
 #include "daemon/technique_report.h"
 
+#include <jansson.h>
 #include <math.h>
 #include <stdio.h>
 
@@ -47,13 +48,16 @@ static void print_flown(const struct technique_report *report, const struct flow
     struct spread cpu = flights_spread(&report->params, flown->cpu_ms);
     struct distribution error = distribution_of(&flown->error_px);
     const struct quality_difference *strangers = &flown->strangers;
+    char motion[16] = "-";
+    if (flown->motion_px.count > 0)
+        snprintf(motion, sizeof(motion), "%.4f", distribution_of(&flown->motion_px).p999);
     printf("  %-18s %8.3g%c %8.3f %8.3f %5.2f %8.3f %8.3f %10.0f %9.0f %9.0f %7.3f %7.3f %8.2f "
-           "%6.2f %7.0f %7.0f\n",
+           "%6.2f %7s %7.0f %7.0f\n",
            flown->entry->name, flown->setting, flown->met ? ' ' : '!', frame.p50, frame.p999,
            frame.p999 / fmax(frame.p50, 1e-9), gpu.p50, cpu.p50,
            distribution_of(&flown->triangles).p50, distribution_of(&flown->bytes_sent).p50,
            (double)flown->facts.gpu_bytes / MIB, error.p99, error.p999, mean_of(&flown->psnr_db),
-           flown->worst_db, per_million(strangers->holes, strangers->pixels),
+           flown->worst_db, motion, per_million(strangers->holes, strangers->pixels),
            per_million(strangers->walls, strangers->pixels));
     printf("  %-18s           %8s %8s       (rounds: p50 %.3f to %.3f, p99.9 %.3f to %.3f)\n", "",
            "", "", frame.p50_least, frame.p50_most, frame.p999_least, frame.p999_most);
@@ -68,9 +72,9 @@ static void print_comparison(const struct technique_report *report, enum compari
     else
         printf("\nequal time: the median frame is to take the clipmap's %.3f ms\n",
                report->time_ms);
-    printf("  %-18s %9s %8s %8s %5s %8s %8s %10s %9s %9s %7s %7s %8s %6s %7s %7s\n", "", "setting",
-           "frame ms", "p99.9", "/p50", "GPU ms", "CPU ms", "triangles", "bytes", "GPU MiB",
-           "p99 px", "p99.9", "PSNR dB", "worst", "holes", "walls");
+    printf("  %-18s %9s %8s %8s %5s %8s %8s %10s %9s %9s %7s %7s %8s %6s %7s %7s %7s\n", "",
+           "setting", "frame ms", "p99.9", "/p50", "GPU ms", "CPU ms", "triangles", "bytes",
+           "GPU MiB", "p99 px", "p99.9", "PSNR dB", "worst", "motion", "holes", "walls");
     for (int i = 0; i < report->flown_count[which]; i++)
         print_flown(report, &report->flown[which][i]);
 }
@@ -80,8 +84,8 @@ void technique_report_print(const struct technique_report *report)
     print_heading(report);
     for (int which = 0; which < COMPARISONS; which++)
         print_comparison(report, (enum comparison)which);
-    puts("\n  ! what was asked for is not reached by any setting; holes and walls in a million "
-         "pixels");
+    puts("\n  ! what was asked for is not reached by any setting; motion: p99.9, px a frame; "
+         "holes and walls in a million pixels");
     for (int i = 0; i < report->count; i++) {
         const struct entry *entry = &report->entries[i];
         if (!entry_is_available(entry))
@@ -122,6 +126,8 @@ static json_t *json_flown(const struct technique_report *report, const struct fl
                         json_pack("{s:I,s:I,s:I}", "judged", (json_int_t)strangers->pixels, "holes",
                                   (json_int_t)strangers->holes, "walls",
                                   (json_int_t)strangers->walls));
+    if (flown->motion_px.count > 0)
+        json_object_set_new(json, "motion_px", json_samples(&flown->motion_px));
     json_object_set_new(json, "memory_mib",
                         json_pack("{s:f,s:f}", "gpu", (double)flown->facts.gpu_bytes / MIB, "cpu",
                                   (double)flown->facts.cpu_bytes / MIB));
@@ -161,7 +167,7 @@ static json_t *json_entry(const struct entry *entry, const struct curve *curve)
                      entry->knob.name, "start_ms", entry->start_ms, "points", json_curve(curve));
 }
 
-json_t *technique_report_json(const struct technique_report *report)
+void technique_report_print_json(const struct technique_report *report, FILE *file)
 {
     const struct stage *stage = report->stage;
     const struct gl_facts *gl = &stage->gl;
@@ -184,5 +190,7 @@ json_t *technique_report_json(const struct technique_report *report)
     json_object_set_new(root, "equal_error", json_comparison(report, EQUAL_ERROR));
     json_object_set_new(root, "equal_time_ms", json_real(report->time_ms));
     json_object_set_new(root, "equal_time", json_comparison(report, EQUAL_TIME));
-    return root;
+    json_dumpf(root, file, JSON_INDENT(2) | JSON_REAL_PRECISION(7));
+    putc('\n', file);
+    json_decref(root);
 }

@@ -1,7 +1,7 @@
 /* What a comparison of techniques found: as tables, as JSON, as a page. */
 #pragma once
 
-#include <jansson.h>
+#include <stdio.h>
 
 #include "daemon/technique_flights.h"
 #include "daemon/technique_points.h"
@@ -23,8 +23,7 @@ struct technique_report {
 
 void technique_report_print(const struct technique_report *report);
 
-/* A new reference; NULL without memory. */
-json_t *technique_report_json(const struct technique_report *report);
+void technique_report_print_json(const struct technique_report *report, FILE *file);
 
 /* Writes report.json, report.html and the pictures of each technique's worst frame into a directory
  * that is there. -EIO with a sentence. */

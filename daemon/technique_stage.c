@@ -241,3 +241,12 @@ int stage_go(struct stage *stage, nsec_t time_ns, bool complete, struct view *re
     renderer_finish(stage->renderer, &frame);
     return frame.failed ? -EIO : 0;
 }
+
+double stage_height_above_ground_m(const struct stage *stage, const struct view *view)
+{
+    double at[2];
+    if (!field_find(stage->field, &view->eye, at))
+        return view->eye.height_m;
+    int col = (int)nearbyint(at[0]), row = (int)nearbyint(at[1]);
+    return view->eye.height_m - (double)field_height_m(stage->field, col, row);
+}

@@ -50,6 +50,9 @@ void stage_close(struct stage *stage);
 /* Between posts, in the middle of a face. */
 double stage_spacing_m(const struct stage *stage);
 
+/* Of an eye over the field. */
+double stage_height_above_ground_m(const struct stage *stage, const struct view *view);
+
 /* Where the flight is at a time, with its terrain there (`complete`) or not. The frame of the view
  * is to be drawn next. */
 void stage_aim(struct stage *stage, nsec_t time_ns, bool complete, struct view *ret_view);

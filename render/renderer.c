@@ -290,8 +290,8 @@ void renderer_finish(struct renderer *renderer, struct renderer_frame *ret_frame
     *ret_frame = renderer->frame;
 }
 
-void renderer_redraw(struct renderer *renderer, const struct view *view,
-                     const float clip_from_enu[16], unsigned framebuffer, int width, int height)
+bool renderer_aim(struct renderer *renderer, const struct view *view, const float clip_from_enu[16],
+                  unsigned framebuffer, int width, int height)
 {
     struct scene_detail detail = detail_of(renderer, view);
     bool terrain = fill_scene(renderer, view, &detail);
@@ -301,7 +301,13 @@ void renderer_redraw(struct renderer *renderer, const struct view *view,
     glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
     glViewport(0, 0, width, height);
     glClear(GL_DEPTH_BUFFER_BIT);
-    if (terrain) {
+    return terrain;
+}
+
+void renderer_redraw(struct renderer *renderer, const struct view *view,
+                     const float clip_from_enu[16], unsigned framebuffer, int width, int height)
+{
+    if (renderer_aim(renderer, view, clip_from_enu, framebuffer, width, height)) {
         clipmap_pass_make(renderer->clipmap, renderer->select_groups, &(struct sample_lattice){0},
                           NULL);
         clipmap_pass_draw(renderer->clipmap);

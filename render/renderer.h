@@ -95,6 +95,11 @@ void renderer_finish(struct renderer *renderer, struct renderer_frame *ret_frame
 void renderer_redraw(struct renderer *renderer, const struct view *view,
                      const float clip_from_enu[16], unsigned framebuffer, int width, int height);
 
+/* The same without the mesh, which the caller draws by another geometry: scene block and
+ * framebuffer are bound, depth is cleared. False where there is no terrain yet. */
+bool renderer_aim(struct renderer *renderer, const struct view *view, const float clip_from_enu[16],
+                  unsigned framebuffer, int width, int height);
+
 /* Draws the frame that was finished last once more with another geometry: `draw` commands it, as
  * depth alone, by the scene block that is bound; pixels are shaded as ever. It may bind textures
  * and programs. For measurements. */

@@ -34,6 +34,8 @@ struct stability {
     float *map_depth[MAPS]; /* [MAP_SIDE][MAP_SIDE] */
     double map_half_m[MAPS];
     int map_count;
+    stability_draw draw; /* NULL: the renderer */
+    void *user;
 };
 
 /* From the frame of one eye into the other's: a rigid motion. */
@@ -114,6 +116,12 @@ void stability_destroy(struct stability *stability)
     free(stability);
 }
 
+void stability_draw_by(struct stability *stability, stability_draw draw, void *user)
+{
+    stability->draw = draw;
+    stability->user = user;
+}
+
 static struct motion motion_between(const struct geodetic *from, const struct geodetic *to)
 {
     struct motion motion;
@@ -146,7 +154,12 @@ static int draw_map(struct stability *stability, struct renderer *renderer, cons
         clip_from_enu[12 + row] =
             (float)(scale[row] * motion->offset_m[row] + (row == 2 ? 0.5 : 0.0));
     }
-    renderer_redraw(renderer, view, clip_from_enu, stability->framebuffer, MAP_SIDE, MAP_SIDE);
+    if (stability->draw) {
+        renderer_aim(renderer, view, clip_from_enu, stability->framebuffer, MAP_SIDE, MAP_SIDE);
+        stability->draw(stability->user, stability->framebuffer, MAP_SIDE, MAP_SIDE);
+    } else {
+        renderer_redraw(renderer, view, clip_from_enu, stability->framebuffer, MAP_SIDE, MAP_SIDE);
+    }
     return readback_copy(stability->maps, stability->framebuffer, ret_depth);
 }
 

@@ -34,6 +34,12 @@ int stability_create(int width, int height, struct stability **ret_stability, st
 /* Legal on NULL. */
 void stability_destroy(struct stability *stability);
 
+/* What draws the geometry of the frames that are looked at from now on, once more, into a
+ * framebuffer of that size by the scene block that is bound; NULL, as at the start: the renderer
+ * its own. */
+typedef void (*stability_draw)(void *user, unsigned framebuffer, int width, int height);
+void stability_draw_by(struct stability *stability, stability_draw draw, void *user);
+
 /* Looks at the frame that the renderer finished last, with its view, and holds it against the one
  * before into `tally`; NULL: there is none before. Draws. -EIO where the GPU is lost. */
 int stability_look(struct stability *stability, struct renderer *renderer, const struct view *view,

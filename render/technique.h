@@ -61,6 +61,8 @@ struct technique_facts {
 struct technique_claim {
     double error_p99_px, error_max_px; /* against the field, on the screen */
     bool no_cracks;
+    bool from_anywhere; /* draw() may be called again, after the same update(), with another
+                           projection in the scene block: the same triangles */
 };
 
 struct technique; /* a technique's own struct begins with one */
@@ -105,6 +107,15 @@ void technique_destroy(struct technique *technique);
 void technique_show(struct technique *technique, const struct technique_params *params,
                     struct renderer *renderer, const struct view *view,
                     struct technique_timer *timer);
+
+/* The triangles of the last frame once more, into a framebuffer by the scene block that is bound: a
+ * stability_draw (render/stability.h) over what claims from_anywhere. */
+struct technique_again {
+    struct technique *technique;
+    const struct technique_params *params;
+    const struct view *view;
+};
+void technique_draw_again(void *again, unsigned framebuffer, int width, int height);
 
 /* The same as the edges of its triangles, for people to look at; without a technique the clipmap.
  */

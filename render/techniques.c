@@ -57,17 +57,24 @@ struct showing {
     struct technique_timer *timer;
 };
 
+static struct technique_frame frame_of(const struct technique_params *params,
+                                       const struct view *view, unsigned framebuffer)
+{
+    return (struct technique_frame){
+        .view = view,
+        .pixel_rad = fabs(view->tan_right - view->tan_left) / params->width,
+        .width = params->width,
+        .height = params->height,
+        .framebuffer = framebuffer,
+    };
+}
+
 static void show(void *user)
 {
     const struct showing *showing = user;
     const struct technique_params *params = showing->params;
-    const struct technique_frame frame = {
-        .view = showing->view,
-        .pixel_rad = fabs(showing->view->tan_right - showing->view->tan_left) / params->width,
-        .width = params->width,
-        .height = params->height,
-        .framebuffer = renderer_depth_framebuffer(showing->renderer),
-    };
+    const struct technique_frame frame =
+        frame_of(params, showing->view, renderer_depth_framebuffer(showing->renderer));
     field_texture_bind(params->heights);
     showing->technique->ops->update(showing->technique, &frame);
     technique_timer_mark(showing->timer, MARK_DRAW);
@@ -83,6 +90,16 @@ void technique_show(struct technique *technique, const struct technique_params *
     technique_timer_mark(timer, MARK_UPDATE);
     renderer_redraw_with(renderer, show, &showing);
     technique_timer_mark(timer, MARK_END);
+}
+
+void technique_draw_again(void *user, unsigned framebuffer, int width, int height)
+{
+    const struct technique_again *again = user;
+    struct technique_frame frame = frame_of(again->params, again->view, framebuffer);
+    frame.width = width;
+    frame.height = height;
+    field_texture_bind(again->params->heights);
+    again->technique->ops->draw(again->technique, &frame);
 }
 
 /* The mesh of the renderer's own frame. */
