@@ -2,20 +2,13 @@
 
 #include <errno.h>
 #include <math.h>
-#include <pthread.h>
-#include <semaphore.h>
 #include <stdlib.h>
-#include <string.h>
-#include <sys/eventfd.h>
-#include <unistd.h>
 
-#include "base/ring.h"
+#include "base/worker.h"
 #include "daemon/terrain_setup.h"
 #include "geo/geographic.h"
 #include "terrain/database.h"
 #include "terrain/query.h"
-
-#define ANSWERS_TOLD 32 /* at once: those behind a line of sight need not wait for all others */
 
 /* A view of the ground for one thread. */
 struct ground {
@@ -30,15 +23,9 @@ struct job {
 
 struct query_thread {
     struct terrain_setup terrain;
-    struct ground own;  /* the thread's */
+    struct ground own;  /* the worker's */
     struct ground loop; /* the event loop's */
-    struct ring jobs, replies;
-    unsigned waiting; /* jobs without a reply; the event loop's */
-    sem_t woken;
-    int event_fd;
-    atomic_bool stopping;
-    bool has_thread;
-    pthread_t thread;
+    struct worker *worker;
 };
 
 static double undulation_m(const struct ground *ground, double lat_deg, double lon_deg)
@@ -83,48 +70,26 @@ static void ask_sight(struct ground *ground, const struct cigi_question *questio
         take_details(&sight.ground, answer);
 }
 
-static void answer_job(struct query_thread *thread, const struct job *job)
+static void answer_job(void *user, const void *data, void *ret_reply)
 {
+    struct query_thread *thread = user;
+    const struct job *job = data;
     const struct cigi_question *question = &job->question;
-    struct query_reply reply = {.asker = job->asker, .token = question->token};
+    struct query_reply *reply = ret_reply;
+    *reply = (struct query_reply){.asker = job->asker, .token = question->token};
     switch (question->ask) {
     case CIGI_ASK_GROUND:
-        ask_ground(&thread->own, question, &reply.answer);
+        ask_ground(&thread->own, question, &reply->answer);
         break;
     case CIGI_ASK_SIGHT:
-        ask_sight(&thread->own, question, &reply.answer);
+        ask_sight(&thread->own, question, &reply->answer);
         break;
     case CIGI_ASK_SEA:
-        reply.answer.known = true;
-        reply.answer.height_m =
+        reply->answer.known = true;
+        reply->answer.height_m =
             undulation_m(&thread->own, question->from.lat_deg, question->from.lon_deg);
         break;
     }
-    ring_put(&thread->replies, &reply); /* there is room: no more than `waiting` are in it */
-}
-
-/* Answers a few jobs. False where there are none. */
-static bool answer_some(struct query_thread *thread)
-{
-    struct job job;
-    unsigned count = 0;
-    while (count < ANSWERS_TOLD && ring_take(&thread->jobs, &job)) {
-        answer_job(thread, &job);
-        count++;
-    }
-    if (count > 0)
-        eventfd_write(thread->event_fd, 1);
-    return count > 0;
-}
-
-static void *query_main(void *data)
-{
-    struct query_thread *thread = data;
-    while (!atomic_load(&thread->stopping))
-        if (!answer_some(thread))
-            while (sem_wait(&thread->woken) < 0 && errno == EINTR)
-                ;
-    return NULL;
 }
 
 /* Tiles that come are found there by the next question. */
@@ -172,36 +137,25 @@ static int open_terrain(struct query_thread *thread, const struct query_thread_p
     return r;
 }
 
-static int start(struct query_thread *thread, const struct query_thread_params *params,
-                 struct diag *diag)
-{
-    sem_init(&thread->woken, 0, 0);
-    thread->event_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
-    if (thread->event_fd < 0)
-        return diag_set(diag, -errno, "no event descriptor");
-    if (ring_init(&thread->jobs, sizeof(struct job), QUERY_WAITING_MAX) < 0 ||
-        ring_init(&thread->replies, sizeof(struct query_reply), QUERY_WAITING_MAX) < 0)
-        return diag_set(diag, -ENOMEM, "no memory for questions about the ground");
-    int r = open_terrain(thread, params, diag);
-    if (r < 0)
-        return r;
-    r = -pthread_create(&thread->thread, NULL, query_main, thread);
-    thread->has_thread = r == 0;
-    return r < 0 ? diag_set(diag, r, "cannot start the thread for questions: %s", strerror(-r)) : 0;
-}
-
 int query_thread_start(const struct query_thread_params *params, struct query_thread **ret_thread,
                        struct diag *diag)
 {
     struct query_thread *thread = calloc(1, sizeof(*thread));
     if (!thread)
         return diag_set(diag, -ENOMEM, "no memory for questions about the ground");
-    int r = start(thread, params, diag);
+    const struct worker_params worker = {.name = "otwd-query",
+                                         .job_size = sizeof(struct job),
+                                         .answer_size = sizeof(struct query_reply),
+                                         .capacity = QUERY_WAITING_MAX,
+                                         .work = answer_job,
+                                         .user = thread};
+    int r = open_terrain(thread, params, diag);
+    if (r == 0)
+        r = worker_start(&worker, &thread->worker, diag);
     if (r < 0) {
         query_thread_stop(thread);
         return r;
     }
-    pthread_setname_np(thread->thread, "otwd-query");
     *ret_thread = thread;
     return 0;
 }
@@ -210,49 +164,27 @@ void query_thread_stop(struct query_thread *thread)
 {
     if (!thread)
         return;
-    atomic_store(&thread->stopping, true);
-    sem_post(&thread->woken);
-    if (thread->has_thread)
-        pthread_join(thread->thread, NULL);
+    worker_stop(thread->worker);
     close_ground(&thread->own);
     close_ground(&thread->loop);
     terrain_setup_close(&thread->terrain);
-    ring_finish(&thread->jobs);
-    ring_finish(&thread->replies);
-    sem_destroy(&thread->woken);
-    if (thread->event_fd >= 0)
-        close(thread->event_fd);
     free(thread);
 }
 
 bool query_thread_ask(struct query_thread *thread, unsigned asker,
                       const struct cigi_question *question)
 {
-    const struct job job = {.asker = asker, .question = *question};
-    if (thread->waiting == QUERY_WAITING_MAX)
-        return false;
-    ring_put(&thread->jobs, &job); /* there is room: no more than `waiting` are in it */
-    thread->waiting++;
-    sem_post(&thread->woken);
-    return true;
+    return worker_ask(thread->worker, &(struct job){.asker = asker, .question = *question});
 }
 
 int query_thread_fd(const struct query_thread *thread)
 {
-    return thread->event_fd;
+    return worker_fd(thread->worker);
 }
 
 bool query_thread_take(struct query_thread *thread, struct query_reply *ret_reply)
 {
-    eventfd_t count;
-    if (!ring_take(&thread->replies, ret_reply)) {
-        eventfd_read(thread->event_fd, &count);
-        /* One may have come before it was cleared. */
-        if (!ring_take(&thread->replies, ret_reply))
-            return false;
-    }
-    thread->waiting--;
-    return true;
+    return worker_take(thread->worker, ret_reply);
 }
 
 int query_thread_ground_at(void *data, double lat_deg, double lon_deg, double *ret_height_m,
