@@ -3,6 +3,7 @@
 #pragma once
 
 #include "daemon/render_thread.h"
+#include "daemon/traffic.h"
 #include "io/cigi_session.h"
 
 struct service;
@@ -18,6 +19,7 @@ struct cigi_lead {
     bool has_utc;
     nsec_t utc_offset_ns;                  /* likewise */
     struct cigi_view_definition not_drawn; /* the last that cannot be */
+    struct traffic_motion motion;          /* of the other entities; begins as init has it */
     struct traffic traffic;                /* as published last */
 };
 
@@ -27,6 +29,10 @@ const struct cigi_view *cigi_lead_view(const struct cigi_lead *lead);
 /* The service's input becomes what the host's scene says; it is published by the caller. What the
  * host has not changed since the last time stays as it is, so that the operator's controls hold. */
 void cigi_lead_take(struct cigi_lead *lead);
+
+/* The other entities as a frame will show them. `receive_ns` and `valid_ns` are those of the
+ * message that has come; 0: a frame begins. */
+void cigi_lead_traffic(struct cigi_lead *lead, nsec_t receive_ns, nsec_t valid_ns, nsec_t frame_ns);
 
 /* Another source drives, or none is left, of one that leads: the input becomes what the
  * configuration says. */
