@@ -33,6 +33,7 @@ static void use_view(struct cigi_lead *lead, const struct cigi_view *view,
         .mirror_x = d->mirror & CIGI_MIRROR_HORIZONTAL,
         .mirror_y = d->mirror & CIGI_MIRROR_VERTICAL,
         .near_m = (double)d->near_m,
+        .far_m = (double)d->far_m,
     };
     if (!d->orthographic && channel_geometry_check(&geometry, &diag) == 0) {
         *ret_geometry = geometry;
