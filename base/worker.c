@@ -151,6 +151,11 @@ bool worker_ask(struct worker *worker, const void *job)
     return true;
 }
 
+unsigned worker_waiting(const struct worker *worker)
+{
+    return worker->waiting;
+}
+
 int worker_fd(const struct worker *worker)
 {
     return worker->event_fd;

@@ -36,6 +36,8 @@ void worker_stop(struct worker *worker);
 
 /* False where `capacity` are without an answer already. */
 bool worker_ask(struct worker *worker, const void *job);
+/* How many are. */
+unsigned worker_waiting(const struct worker *worker);
 
 /* Readable when there are answers: of quick jobs it tells a few at a time. worker_take() clears it
  * and takes the oldest; false where there is none. An answer that is not taken counts as a job

@@ -1,14 +1,19 @@
 #include "daemon/query_thread.h"
 
+#include <assert.h>
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
+#include <sys/epoll.h>
+#include <unistd.h>
 
 #include "base/worker.h"
 #include "daemon/terrain_setup.h"
 #include "geo/geographic.h"
 #include "terrain/database.h"
 #include "terrain/query.h"
+
+#define NICENESS 5 /* the picture comes first */
 
 /* A view of the ground for one thread. */
 struct ground {
@@ -21,11 +26,18 @@ struct job {
     struct cigi_question question;
 };
 
+struct answerer {
+    struct ground ground; /* its thread's */
+    struct worker *worker;
+};
+
 struct query_thread {
     struct terrain_setup terrain;
-    struct ground own;  /* the worker's */
-    struct ground loop; /* the event loop's */
-    struct worker *worker;
+    struct answerer answerers[QUERY_THREADS_MAX];
+    unsigned count;
+    unsigned taken_from; /* whose answers are taken: all that are there, before the next one's */
+    int event_fd;        /* an epoll of theirs */
+    struct ground loop;  /* the event loop's */
 };
 
 static double undulation_m(const struct ground *ground, double lat_deg, double lon_deg)
@@ -72,22 +84,22 @@ static void ask_sight(struct ground *ground, const struct cigi_question *questio
 
 static void answer_job(void *user, const void *data, void *ret_reply)
 {
-    struct query_thread *thread = user;
+    struct ground *ground = &((struct answerer *)user)->ground;
     const struct job *job = data;
     const struct cigi_question *question = &job->question;
     struct query_reply *reply = ret_reply;
     *reply = (struct query_reply){.asker = job->asker, .token = question->token};
     switch (question->ask) {
     case CIGI_ASK_GROUND:
-        ask_ground(&thread->own, question, &reply->answer);
+        ask_ground(ground, question, &reply->answer);
         break;
     case CIGI_ASK_SIGHT:
-        ask_sight(&thread->own, question, &reply->answer);
+        ask_sight(ground, question, &reply->answer);
         break;
     case CIGI_ASK_SEA:
         reply->answer.known = true;
         reply->answer.height_m =
-            undulation_m(&thread->own, question->from.lat_deg, question->from.lon_deg);
+            undulation_m(ground, question->from.lat_deg, question->from.lon_deg);
         break;
     }
 }
@@ -130,10 +142,26 @@ static int open_terrain(struct query_thread *thread, const struct query_thread_p
         database_source_share_dig(source, params->dig);
     if (source->ops->stream)
         r = source->ops->stream(source, on_arrival, NULL, diag);
+    return r < 0 ? r : open_ground(&thread->terrain, params->geoid, &thread->loop, diag);
+}
+
+static int start_answerer(struct query_thread *thread, const char *geoid, struct diag *diag)
+{
+    struct answerer *answerer = &thread->answerers[thread->count++];
+    const struct worker_params params = {.name = "otwd-query",
+                                         .job_size = sizeof(struct job),
+                                         .answer_size = sizeof(struct query_reply),
+                                         .capacity = QUERY_WAITING_MAX,
+                                         .niceness = NICENESS,
+                                         .work = answer_job,
+                                         .user = answerer};
+    struct epoll_event event = {.events = EPOLLIN};
+    int r = open_ground(&thread->terrain, geoid, &answerer->ground, diag);
     if (r == 0)
-        r = open_ground(&thread->terrain, params->geoid, &thread->own, diag);
-    if (r == 0)
-        r = open_ground(&thread->terrain, params->geoid, &thread->loop, diag);
+        r = worker_start(&params, &answerer->worker, diag);
+    if (r == 0 &&
+        epoll_ctl(thread->event_fd, EPOLL_CTL_ADD, worker_fd(answerer->worker), &event) < 0)
+        r = diag_set(diag, -errno, "no event descriptor");
     return r;
 }
 
@@ -143,15 +171,12 @@ int query_thread_start(const struct query_thread_params *params, struct query_th
     struct query_thread *thread = calloc(1, sizeof(*thread));
     if (!thread)
         return diag_set(diag, -ENOMEM, "no memory for questions about the ground");
-    const struct worker_params worker = {.name = "otwd-query",
-                                         .job_size = sizeof(struct job),
-                                         .answer_size = sizeof(struct query_reply),
-                                         .capacity = QUERY_WAITING_MAX,
-                                         .work = answer_job,
-                                         .user = thread};
-    int r = open_terrain(thread, params, diag);
-    if (r == 0)
-        r = worker_start(&worker, &thread->worker, diag);
+    assert(params->threads <= QUERY_THREADS_MAX);
+    thread->event_fd = epoll_create1(EPOLL_CLOEXEC);
+    int r = thread->event_fd < 0 ? diag_set(diag, -errno, "no event descriptor")
+                                 : open_terrain(thread, params, diag);
+    for (unsigned i = 0; r == 0 && i < (params->threads ? params->threads : 1); i++)
+        r = start_answerer(thread, params->geoid, diag);
     if (r < 0) {
         query_thread_stop(thread);
         return r;
@@ -164,27 +189,41 @@ void query_thread_stop(struct query_thread *thread)
 {
     if (!thread)
         return;
-    worker_stop(thread->worker);
-    close_ground(&thread->own);
+    for (unsigned i = 0; i < thread->count; i++) {
+        worker_stop(thread->answerers[i].worker);
+        close_ground(&thread->answerers[i].ground);
+    }
     close_ground(&thread->loop);
     terrain_setup_close(&thread->terrain);
+    if (thread->event_fd >= 0)
+        close(thread->event_fd);
     free(thread);
 }
 
 bool query_thread_ask(struct query_thread *thread, unsigned asker,
                       const struct cigi_question *question)
 {
-    return worker_ask(thread->worker, &(struct job){.asker = asker, .question = *question});
+    const struct job job = {.asker = asker, .question = *question};
+    struct worker *idlest = thread->answerers[0].worker;
+    for (unsigned i = 1; i < thread->count; i++)
+        if (worker_waiting(thread->answerers[i].worker) < worker_waiting(idlest))
+            idlest = thread->answerers[i].worker;
+    return worker_ask(idlest, &job);
 }
 
 int query_thread_fd(const struct query_thread *thread)
 {
-    return worker_fd(thread->worker);
+    return thread->event_fd;
 }
 
 bool query_thread_take(struct query_thread *thread, struct query_reply *ret_reply)
 {
-    return worker_take(thread->worker, ret_reply);
+    for (unsigned i = 0; i < thread->count; i++) {
+        if (worker_take(thread->answerers[thread->taken_from].worker, ret_reply))
+            return true;
+        thread->taken_from = (thread->taken_from + 1) % thread->count;
+    }
+    return false;
 }
 
 int query_thread_ground_at(void *data, double lat_deg, double lon_deg, double *ret_height_m,

@@ -10,6 +10,7 @@
 #include "daemon/cigi_lead.h"
 #include "daemon/service_internal.h"
 #include "io/cigi_session.h"
+#include "terrain/parallel.h"
 
 #define REQUESTS_MAX    2000 /* of a session: what a host may ask in two frames */
 #define QUERY_CACHE_MIB 64
@@ -398,6 +399,7 @@ static int start_queries(struct service *service, struct diag *diag)
         .terrain_path = channel->terrain_path,
         .geoid = channel->geoid,
         .cache_mib = channel->cache_mib < QUERY_CACHE_MIB ? channel->cache_mib : QUERY_CACHE_MIB,
+        .threads = parallel_processors() >= 4 ? 2 : 1, /* the picture needs the others */
         .dig = channel->dig};
     int r = query_thread_start(&params, &service->queries, diag);
     service->ground =
