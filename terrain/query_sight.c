@@ -61,71 +61,90 @@ static double leaves_box(const struct piece *piece, const struct box *box, doubl
     return fmin(fmax(end, s + 4.0 * NUDGE), 1.0);
 }
 
-/* Places that are looked at together: `step` apart from `begin` on, which is not one of them, and
- * none beyond `end`. */
-struct steps {
-    double begin, step, end;
-    double clear_m[STEPS]; /* of the line over the fallback; near the ground exact */
-};
-
-static double step_at(const struct steps *steps, int i)
+/* Of the line over the fallback at one place. */
+static double clearance_m(struct query *query, const struct piece *piece, double s)
 {
-    return fmin(steps->begin + (i + 1) * steps->step, steps->end);
+    return piece_height_m(query, piece, s) -
+           query_fallback_m(query, limit(curve_at(&piece->lat_deg, s), -90.0, 90.0),
+                            curve_at(&piece->lon_deg, s));
 }
 
-static void look_at(struct query *query, const struct piece *piece, struct steps *steps)
+/* The same at places that are looked at together; near the ground exact. */
+static void look_at(struct query *query, const struct piece *piece, const double s[STEPS],
+                    double ret_clear_m[STEPS])
 {
     double lat_deg[STEPS], lon_deg[STEPS];
     float ground_m[STEPS];
     for (int i = 0; i < STEPS; i++) {
-        lat_deg[i] = limit(curve_at(&piece->lat_deg, step_at(steps, i)), -90.0, 90.0);
-        lon_deg[i] = curve_at(&piece->lon_deg, step_at(steps, i));
+        lat_deg[i] = limit(curve_at(&piece->lat_deg, s[i]), -90.0, 90.0);
+        lon_deg[i] = curve_at(&piece->lon_deg, s[i]);
     }
     query_fallbacks_m(query, lat_deg, lon_deg, STEPS, ground_m);
     for (int i = 0; i < STEPS; i++) {
-        double s = step_at(steps, i), ground = (double)ground_m[i];
-        steps->clear_m[i] = curve_at(&piece->height_m, s) - ground;
-        if (fabs(steps->clear_m[i]) <= piece->error_m)
-            steps->clear_m[i] = piece_height_m(query, piece, s) - ground;
+        ret_clear_m[i] = curve_at(&piece->height_m, s[i]) - (double)ground_m[i];
+        if (fabs(ret_clear_m[i]) <= piece->error_m)
+            ret_clear_m[i] = piece_height_m(query, piece, s[i]) - (double)ground_m[i];
     }
 }
 
-/* Between a place above the fallback and one that is not. */
+/* Between a place above the fallback and one that is not: false position, in which an end that
+ * stays twice counts half (the "Illinois" algorithm; Dowell and Jarratt, BIT 11, 1971). */
 static double narrow_fallback(struct query *query, const struct piece *piece, double above,
-                              double under)
+                              double above_m, double under, double under_m)
 {
+    double least = 0.4 * HIT_M / piece->length_m;
+    bool was_under = false, was_above = false;
     while ((under - above) * piece->length_m > HIT_M) {
-        struct steps steps = {.begin = above, .step = (under - above) / STEPS, .end = under};
-        int i = 0;
-        look_at(query, piece, &steps);
-        while (i < STEPS - 1 && !(steps.clear_m[i] <= 0.0))
-            above = step_at(&steps, i++);
-        under = step_at(&steps, i);
+        double s = above + (under - above) * above_m / (above_m - under_m);
+        s = limit(s, above + least, under - least);
+        double clear_m = clearance_m(query, piece, s);
+        bool is_under = clear_m <= 0.0;
+        *(is_under ? &under : &above) = s;
+        *(is_under ? &under_m : &above_m) = clear_m;
+        if (is_under && was_under)
+            above_m *= 0.5;
+        if (!is_under && was_above)
+            under_m *= 0.5;
+        was_under = is_under;
+        was_above = !is_under;
     }
     return under;
 }
 
-/* Over the fallback, which says nothing of its bounds: a third of the clearance on and on, and
- * never more than half. */
+/* Where to look next, `clear_m` above the ground at `s`: a third of the clearance on and on, as it
+ * would be over level ground. */
+static void plan_steps(const struct piece *piece, double s, double clear_m, double end,
+                       double ret_s[STEPS])
+{
+    double rise_m = piece->height_m.c[1] + 2.0 * piece->height_m.c[2] * s; /* along the piece */
+    for (int i = 0; i < STEPS; i++) {
+        double step = fmax(clear_m / 3.0, LEAST_STEP_M) / piece->length_m;
+        s = fmin(s + step, end);
+        clear_m += fmin(rise_m, 0.0) * step;
+        ret_s[i] = s;
+    }
+}
+
+/* Over the fallback, which says nothing of its bounds: never more than half the clearance on. */
 static double hit_fallback(struct query *query, const struct piece *piece, double begin, double end)
 {
+    double s = begin, clear_m, ahead[STEPS], ahead_m[STEPS];
     if (!query->fallback)
         return INFINITY;
-    double s = begin,
-           clear_m = piece_height_m(query, piece, s) -
-                     query_fallback_m(query, limit(curve_at(&piece->lat_deg, s), -90.0, 90.0),
-                                      curve_at(&piece->lon_deg, s));
+    clear_m = clearance_m(query, piece, begin);
     if (clear_m <= 0.0)
         return begin;
     while (s < end) {
-        double step_m = fmax(clear_m / 3.0, LEAST_STEP_M);
-        struct steps steps = {.begin = s, .step = step_m / piece->length_m, .end = end};
-        look_at(query, piece, &steps);
-        for (int i = 0; i < STEPS && s < end && step_m <= fmax(0.5 * clear_m, LEAST_STEP_M); i++) {
-            clear_m = steps.clear_m[i];
-            if (clear_m <= 0.0)
-                return narrow_fallback(query, piece, s, step_at(&steps, i));
-            s = step_at(&steps, i);
+        plan_steps(piece, s, clear_m, end, ahead);
+        look_at(query, piece, ahead, ahead_m);
+        for (int i = 0; i < STEPS && s < end; i++) {
+            double most_m = fmax(0.5 * clear_m, LEAST_STEP_M) * (1.0 + NUDGE);
+            if ((ahead[i] - s) * piece->length_m > most_m)
+                break;
+            if (ahead_m[i] <= 0.0)
+                return narrow_fallback(query, piece, s, clear_m, ahead[i], ahead_m[i]);
+            clear_m = ahead_m[i];
+            s = ahead[i];
         }
     }
     return INFINITY;
