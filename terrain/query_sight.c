@@ -318,12 +318,11 @@ static bool borrows_posts(const struct query *query, struct tile_id id)
 }
 
 /* The block of the tile of level 0 in a box; returns its number. */
-static int block_at(const struct box *tile, const struct piece *piece, double s,
-                    struct box *ret_block)
+static int block_at(const struct grid *grid, const struct box *tile, const struct piece *piece,
+                    double s, struct box *ret_block)
 {
-    double high = (tile->north - tile->south) / TILE_BLOCKS, wide = high;
-    while (wide * TILE_BLOCKS < tile->east - tile->west) /* a power of two; the last is cut off */
-        wide *= 2.0;
+    double high = (tile->north - tile->south) / TILE_BLOCKS;
+    double wide = ldexp(high, (int)grid_lon_shift(grid, 0, tile->id.row));
     double row = floor((curve_at(&piece->row, s + NUDGE) - tile->south) / high);
     double col = floor((curve_at(&piece->col, s + NUDGE) - tile->west) / wide);
     row = limit(row, 0.0, TILE_BLOCKS - 1);
@@ -352,7 +351,7 @@ static double hit_in_tile(struct query *query, const struct piece *piece, const 
         if (!by_blocks || !max_m)
             return hit_by_cells(query, piece, begin, end);
         struct box block;
-        int number = block_at(tile, piece, begin, &block);
+        int number = block_at(query->grid, tile, piece, begin, &block);
         double until = fmin(leaves_box(piece, &block, begin), end), hit = INFINITY;
         if (curve_least(&piece->height_m, begin, until) - piece->error_m <= (double)max_m[number])
             hit = hit_by_cells(query, piece, begin, until);

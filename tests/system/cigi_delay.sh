@@ -1,6 +1,6 @@
 #!/bin/sh
-# Transport delay in synchronous operation at 60 Hz: from a message's receive stamp to the finished frame, half
-# of them take at most 1.5 frames. A busy machine has worse seconds; one second of twenty has to be so.
+# Transport delay in synchronous operation at 60 Hz: from a message's receive stamp to the finished frame,
+# half of them take at most 1.5 frames. A busy machine has worse seconds; one of twenty has to be so.
 # shellcheck disable=SC2317 # functions that wait_for calls
 . "$(dirname "$0")/common.sh"
 
