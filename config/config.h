@@ -82,7 +82,7 @@ struct config_environment {
     double visibility_m;
     char time_utc[CONFIG_TEXT_MAX]; /* ISO 8601, empty: now */
     nsec_t time_utc_ns;             /* since 1970; 0 where time_utc is empty */
-    bool atmosphere;
+    bool atmosphere;                /* false: no haze, whatever the visibility */
 };
 
 enum config_source_type {
@@ -218,6 +218,9 @@ int config_load(const char *path, struct config *ret_config, struct config_error
 /* Legal on zeroed memory. */
 void config_finish(struct config *config);
 void config_errors_finish(struct config_errors *errors);
+
+/* Whether two sources of loaded configurations say the same. */
+bool config_source_same(const struct config_source *a, const struct config_source *b);
 
 /* The table of a source of type can-table. */
 struct can_table config_can_table(const struct config_source *source);

@@ -21,6 +21,7 @@ struct channel_params {
     unsigned cache_mib; /* of decoded tiles of the database */
     struct dig *dig; /* what another thread digs in it, shown at once; NULL = what is in the file */
     double visibility_m;
+    bool clear_air;        /* no haze, whatever the visibility */
     bool cache_programs;   /* compiled shaders are kept from run to run */
     struct window *window; /* shows the frames too; NULL = headless */
 };
@@ -32,8 +33,9 @@ struct channel_params {
 struct channel_frame {
     struct view view;
     struct renderer_frame renderer;
-    double frame_ms; /* from taking the pose to the finished frame */
-    double cpu_ms;   /* of the calling thread */
+    double frame_ms;    /* from taking the pose to the finished frame */
+    double cpu_ms;      /* of the calling thread */
+    double draw_cpu_ms; /* of it, until all is commanded: before the wait for the GPU */
     nsec_t finished_ns;
 };
 

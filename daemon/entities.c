@@ -8,12 +8,13 @@
 static struct config_entity look_of(const struct traffic_entity *seen,
                                     const struct entity_types *types)
 {
-    bool dis = seen->kind != 0;
-    for (unsigned i = 0; i < types->count && !dis; i++)
+    if (seen->enumerated)
+        return config_entity_default(seen->domain == DIS_DOMAIN_LAND ? CONFIG_SHAPE_VEHICLE
+                                                                     : CONFIG_SHAPE_AIRCRAFT);
+    for (unsigned i = 0; i < types->count; i++)
         if (types->list[i].type == seen->type)
             return types->list[i];
-    return config_entity_default(dis && seen->domain == DIS_DOMAIN_LAND ? CONFIG_SHAPE_VEHICLE
-                                                                        : CONFIG_SHAPE_AIRCRAFT);
+    return config_entity_default(CONFIG_SHAPE_AIRCRAFT);
 }
 
 void entities_from_traffic(const struct traffic *traffic, const struct entity_types *types,

@@ -11,8 +11,8 @@
 
 struct traffic_entity {
     uint16_t type; /* as struct cigi_seen has them */
-    uint8_t kind, domain;
-    uint8_t alpha;
+    bool enumerated;
+    uint8_t domain, alpha;
     double ecef_m[3], ecef_mps[3];
     struct quaternion ecef_from_body;
 };

@@ -75,23 +75,17 @@ int cigi_source_create(struct source_slot *slot, struct cigi_source **ret_cigi, 
     struct cigi_source *cigi = calloc(1, sizeof(*cigi));
     if (!cigi)
         return diag_set(diag, -ENOMEM, "source %s: no memory", slot->config->name);
-    cigi->slot = slot;
+    cigi->slot = cigi->lead.slot = slot;
     cigi->number = ++sessions;
     int r = address_parse(slot->config->reply, &cigi->reply, diag);
-    if (r == 0 && cigi_session_create(&params, &cigi->session) < 0)
+    if (r == 0 && (cigi_session_create(&params, &cigi->session) < 0 ||
+                   traffic_motion_init(&cigi->lead.motion) < 0))
         r = diag_set(diag, -ENOMEM, "source %s: no memory", slot->config->name);
     if (r < 0) {
         cigi_source_destroy(cigi);
         return r;
     }
-    cigi->lead = (struct cigi_lead){.service = slot->service,
-                                    .session = cigi->session,
-                                    .source = slot->config->name,
-                                    .view = (uint16_t)slot->config->view};
-    if (traffic_motion_init(&cigi->lead.motion) < 0) {
-        cigi_source_destroy(cigi);
-        return diag_set(diag, -ENOMEM, "source %s: no memory", slot->config->name);
-    }
+    cigi->lead.session = cigi->session;
     *ret_cigi = cigi;
     return 0;
 }
@@ -176,18 +170,11 @@ static void lead(struct cigi_source *cigi)
     service->input.wait_ns = live ? config_of(cigi)->sync_wait_ms * NSEC_PER_MSEC : 0;
 }
 
-static void stop_leading(struct cigi_source *cigi)
-{
-    cigi->slot->service->input.wait_ns = 0;
-    cigi_lead_drop(&cigi->lead);
-}
-
 void cigi_source_destroy(struct cigi_source *cigi)
 {
     if (!cigi)
         return;
-    if (cigi->lead.leads)
-        stop_leading(cigi);
+    cigi_lead_drop(&cigi->lead);
     if (cigi->session && cigi_session_link(cigi->session)->counters.messages > 0)
         tell_counters(cigi, " in all");
     cigi_session_destroy(cigi->session);
@@ -350,8 +337,8 @@ void cigi_source_begin(struct cigi_source *cigi, nsec_t shown_ns)
     ask(cigi);
     if (drives)
         lead(cigi);
-    else if (cigi->lead.leads)
-        stop_leading(cigi);
+    else
+        cigi_lead_drop(&cigi->lead);
     move_pose(cigi);
     if (drives)
         cigi_lead_traffic(&cigi->lead, 0, 0, next_frame_ns(cigi));

@@ -17,6 +17,7 @@
 #include "io/source.h"
 #include "render/window.h"
 
+struct cigi_lead;
 struct service;
 
 /* A source of the configuration, open or waiting to be. */
@@ -57,7 +58,8 @@ struct service {
     unsigned slot_count;
     struct source_totals closed;
     struct arbiter arbiter;
-    int driving; /* whose pose was published last */
+    int driving;              /* whose pose was published last */
+    struct cigi_lead *leader; /* the CIGI host whose view, air and sky are in `input`, or NULL */
     bool has_pose;
 
     struct render_thread *render;
@@ -111,6 +113,9 @@ void service_stop_render(struct service *service);
 
 /* service_sources.c */
 void sources_init(struct service *service);
+/* Takes the sources of another configuration, which is left with the old ones: those that are the
+ * same, and in the same place of the list, stay open. */
+void sources_reload(struct service *service, struct config *next);
 /* Opens what is due; looks who is live; hands a change of the driving source to the picture. */
 void sources_tick(struct service *service, nsec_t now_ns);
 void sources_close(struct service *service);

@@ -161,7 +161,11 @@ static int rebuild(struct service *service, struct diag *diag)
     service->base.terrain_errors -= newest->terrain_errors;
     newest->frame = newest->missed = newest->terrain_errors = 0;
     int r = service_open_window(service, diag);
-    return r < 0 ? r : start_thread(service, diag);
+    if (r == 0)
+        r = start_thread(service, diag);
+    if (r == 0)
+        service_publish(service); /* view and visibility are no longer the configuration's */
+    return r;
 }
 
 static void render_lost(struct service *service, const struct diag *why)

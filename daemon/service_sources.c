@@ -301,19 +301,26 @@ static nsec_t silence_ns(const struct config_source *config)
                                              : config->timeout_ms * NSEC_PER_MSEC;
 }
 
+/* A slot for a source of the configuration, which is opened when that is due. */
+static void set_up_slot(struct service *service, unsigned i)
+{
+    const struct config_source *config = &service->config.sources[i];
+    service->slots[i] = (struct source_slot){.service = service, .config = config, .index = i};
+    if ((int)i == service->arbiter.count)
+        arbiter_add(&service->arbiter, config->priority, silence_ns(config));
+    else
+        arbiter_replace(&service->arbiter, (int)i, config->priority, silence_ns(config));
+    if (service->recorder)
+        otwlog_add_source(recorder_writer(service->recorder), i,
+                          config_intake(config, NULL).protocol, config->name, clock_monotonic_ns());
+}
+
 void sources_init(struct service *service)
 {
     arbiter_init(&service->arbiter, on_switch, service);
     service->driving = ARBITER_NONE;
-    for (unsigned i = 0; i < service->config.sources_count; i++) {
-        const struct config_source *config = &service->config.sources[i];
-        service->slots[i] = (struct source_slot){.service = service, .config = config, .index = i};
-        arbiter_add(&service->arbiter, config->priority, silence_ns(config));
-        if (service->recorder)
-            otwlog_add_source(recorder_writer(service->recorder), i,
-                              config_intake(config, NULL).protocol, config->name,
-                              clock_monotonic_ns());
-    }
+    for (unsigned i = 0; i < service->config.sources_count; i++)
+        set_up_slot(service, i);
     service->slot_count = service->config.sources_count;
     service_start_cigi(service);
 }
@@ -346,12 +353,45 @@ static void add_counters(const struct source_slot *slot, struct source_totals *t
         totals->can_frames += counters->received;
 }
 
+static void retire(struct service *service, unsigned i)
+{
+    add_counters(&service->slots[i], &service->closed);
+    close_slot(&service->slots[i]);
+    arbiter_replace(&service->arbiter, (int)i, 1, 0);
+}
+
 void sources_close(struct service *service)
 {
+    for (unsigned i = 0; i < service->slot_count; i++)
+        retire(service, i);
+}
+
+void sources_reload(struct service *service, struct config *next)
+{
+    struct config *now = &service->config;
+    const struct config old = *now;
+    bool stays[CONFIG_SOURCES_MAX] = {false};
     for (unsigned i = 0; i < service->slot_count; i++) {
-        add_counters(&service->slots[i], &service->closed);
-        close_slot(&service->slots[i]);
+        stays[i] =
+            i < next->sources_count && config_source_same(&now->sources[i], &next->sources[i]);
+        if (!stays[i])
+            retire(service, i);
     }
+    arbiter_update(&service->arbiter, clock_monotonic_ns()); /* which tells the old names */
+    if (service->driving != ARBITER_NONE && !stays[service->driving])
+        service->driving = ARBITER_NONE;
+    now->sources = next->sources;
+    now->sources_count = next->sources_count;
+    next->sources = old.sources;
+    next->sources_count = old.sources_count;
+    for (unsigned i = 0; i < now->sources_count; i++) {
+        if (stays[i])
+            service->slots[i].config = &now->sources[i];
+        else
+            set_up_slot(service, i);
+    }
+    service->slot_count = now->sources_count;
+    service_start_cigi(service);
 }
 
 void sources_fill(const struct service *service, nsec_t now_ns, struct health *health)

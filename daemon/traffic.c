@@ -87,8 +87,10 @@ void traffic_motion_take(struct traffic_motion *traffic, const struct motion_par
 static struct traffic_entity entity_at(const struct cigi_seen *seen, const struct pose *pose,
                                        bool moves)
 {
-    struct traffic_entity entity = {
-        .type = seen->type, .kind = seen->kind, .domain = seen->domain, .alpha = seen->alpha};
+    struct traffic_entity entity = {.type = seen->type,
+                                    .enumerated = seen->enumerated,
+                                    .domain = seen->domain,
+                                    .alpha = seen->alpha};
     double axes[3][3];
     geocentric_from_geodetic(&pose->position, entity.ecef_m);
     entity.ecef_from_body = ecef_quaternion_from_attitude(&pose->position, &pose->attitude);

@@ -166,12 +166,14 @@ static int take_short_part(struct cigi_scene *scene,
                            const struct cigi_short_articulated_part *control,
                            struct rejection *ret_rejection)
 {
+    for (int i = 0; i < 2; i++)
+        if (control->freedom[i] > 6)
+            return reject(ret_rejection, REJECT_FIELD, 0, "%u is no degree of freedom",
+                          control->freedom[i]);
     for (int i = 0; i < 2; i++) {
         uint8_t freedom = control->freedom[i];
         if (freedom == 0)
             continue;
-        if (freedom > 6)
-            return reject(ret_rejection, REJECT_FIELD, 0, "%u is no degree of freedom", freedom);
         struct cigi_part *part = part_of(scene, control->entity, control->part[i], ret_rejection);
         if (!part)
             return -EBADMSG;

@@ -159,8 +159,8 @@ size_t cigi_scene_seen(const struct cigi_scene *scene, uint16_t except,
             continue;
         struct cigi_seen seen = {.entity = (uint16_t)entity->id,
                                  .type = control->type,
-                                 .kind = control->extended ? control->dis_kind : 0,
-                                 .domain = control->extended ? control->dis_domain : 0,
+                                 .enumerated = control->extended,
+                                 .domain = control->dis_domain,
                                  .alpha = control->alpha,
                                  .pose = pose};
         const struct cigi_entity *root = cigi_scene_root(scene, (uint16_t)entity->id);

@@ -91,8 +91,9 @@ int cigi_scene_eye_pose(const struct cigi_scene *scene, uint16_t view,
 /* An entity to be drawn. */
 struct cigi_seen {
     uint16_t entity;
-    uint16_t type;        /* as the host numbers them; of a DIS enumeration (4.0) the country */
-    uint8_t kind, domain; /* of a DIS enumeration; else 0 */
+    uint16_t type;   /* as the host numbers them */
+    bool enumerated; /* by DIS (4.0): then the country is in the place of the type */
+    uint8_t domain;  /* of a DIS enumeration */
     uint8_t alpha;
     struct pose pose;
     /* Of what it is attached to in the end, or its own: */
@@ -130,7 +131,8 @@ void cigi_scene_reset(struct cigi_scene *scene);
 
 /* Takes a packet that came at `receive_ns`; `entities_placed`: Entity Control has a place, as
  * in 3.x. Returns 0; 1 where it is none that changes the scene; or -EBADMSG, and nothing has
- * changed: REJECT_REFERENCE, REJECT_RANGE, REJECT_FIELD, REJECT_LIMIT. */
+ * changed: REJECT_REFERENCE, REJECT_RANGE, REJECT_FIELD, REJECT_LIMIT (where of two parts in a
+ * packet the second finds no room, the first has been taken). */
 int cigi_scene_take(struct cigi_scene *scene, const struct cigi_packet *packet,
                     bool entities_placed, nsec_t receive_ns, struct rejection *ret_rejection);
 

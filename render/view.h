@@ -14,7 +14,8 @@ struct view {
     double tan_left, tan_right, tan_bottom, tan_top;
     double near_m;
     double far_m;        /* along the view; what is farther is not seen; 0: all is */
-    double visibility_m; /* meteorological: where contrast falls to 2 % (Koschmieder) */
+    double visibility_m; /* meteorological: where contrast falls to 2 % (Koschmieder); INFINITY: no
+                            haze */
     double sun_enu[3];   /* unit vector to the sun at the eye */
     double undulation_m; /* of the geoid below the eye */
 };

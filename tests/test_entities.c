@@ -64,8 +64,10 @@ static void one_that_was_placed_for_another_frame_is_carried_on(void)
 /* Whatever the list has for a number that is the country's. */
 static void a_dis_enumeration_goes_by_its_domain(void)
 {
-    struct render_entity land = drawn((struct traffic_entity){.type = 225, .kind = 1, .domain = 1});
-    struct render_entity air = drawn((struct traffic_entity){.type = 20, .kind = 1, .domain = 2});
+    struct render_entity land =
+        drawn((struct traffic_entity){.type = 225, .enumerated = true, .domain = 1});
+    struct render_entity air =
+        drawn((struct traffic_entity){.type = 20, .enumerated = true, .domain = 2});
     CHECK_INT(land.shape, ENTITY_BOX);
     CHECK_NEAR((double)land.length_m, 6, 0);
     CHECK_INT(air.shape, ENTITY_ARROW);

@@ -504,6 +504,21 @@ static void the_best_live_source_drives(void)
     CHECK_INT(arbiter_add(&arbiter, 1, 1), -ENOSPC);
 }
 
+static void a_source_that_is_replaced_drives_no_more(void)
+{
+    struct arbiter arbiter;
+    struct pose pose = {.valid = POSE_POSITION};
+    arbiter_init(&arbiter, note_switch, NULL);
+    int best = arbiter_add(&arbiter, 1, 100), spare = arbiter_add(&arbiter, 2, 100);
+    CHECK(arbiter_offer(&arbiter, best, &pose, 1000));
+    CHECK(!arbiter_offer(&arbiter, spare, &pose, 1000));
+    arbiter_replace(&arbiter, best, 3, 100);
+    CHECK_INT(arbiter_update(&arbiter, 1010), spare);
+    CHECK_INT(switched_from, best);
+    CHECK(!arbiter_offer(&arbiter, best, &pose, 1020)); /* by its new priority */
+    CHECK_INT(arbiter_update(&arbiter, 1101), best);
+}
+
 static const struct check_test tests[] = {
     {"addresses and networks are parsed", addresses_and_networks_are_parsed},
     {"a port in use is named", a_port_in_use_is_named},
@@ -525,6 +540,7 @@ static const struct check_test tests[] = {
     {"an interface that is not there is down, not fatal",
      an_interface_that_is_not_there_is_down_not_fatal},
     {"the best live source drives", the_best_live_source_drives},
+    {"a source that is replaced drives no more", a_source_that_is_replaced_drives_no_more},
 };
 
 int main(void)

@@ -322,6 +322,42 @@ static void a_hung_client_gives_way_to_a_further_one(void)
     modbus_server_close(server);
 }
 
+/* 64 that are silent in the middle of a request, and more of them again and again, beside one that
+ * asks every few seconds and one that comes late. */
+static void slow_clients_keep_nobody_out_who_asks(void)
+{
+    enum { SLOW = 64, WAVES = 3 };
+    int slow[WAVES][SLOW];
+    uint8_t a[260];
+    struct modbus_server *server = open_plain();
+    int working = connect_client(server);
+    nsec_t now_ns = clock_monotonic_ns();
+    evicted_count = 0;
+    CHECK_INT(ASK(server, working, a, 4, 0, 45, 0, 1), 4);
+    for (int wave = 0; wave < WAVES; wave++) {
+        for (int i = 0; i < SLOW; i++) {
+            slow[wave][i] = connect_client(server);
+            put(slow[wave][i], (const uint8_t[]){0, 1, 0}, 3);
+            CHECK_INT(modbus_server_dispatch(server, now_ns), 0);
+        }
+        for (int i = 0; i < SLOW; i++)
+            CHECK_INT(modbus_server_dispatch(server, now_ns), 0);
+        CHECK_INT(modbus_server_clients(server), 64);
+        now_ns += 5 * NSEC_PER_SEC;
+    }
+    CHECK_INT(evicted_count, (WAVES - 1) * (SLOW - 1)); /* the last of a wave finds none */
+    int late = connect_client(server);
+    CHECK_INT(modbus_server_dispatch(server, now_ns), 0);
+    CHECK_INT(ASK(server, late, a, 4, 0, 45, 0, 1), 4);
+    CHECK_INT(a[3], 64);
+    CHECK_INT(ASK(server, working, a, 4, 0, 45, 0, 1), 4);
+    for (int i = 0; i < WAVES * SLOW; i++)
+        close(slow[i / SLOW][i % SLOW]);
+    close(working);
+    close(late);
+    modbus_server_close(server);
+}
+
 static void idle_clients_are_closed_and_dripping_bytes_do_not_count(void)
 {
     struct modbus_server *server =
@@ -489,6 +525,7 @@ int main(void)
         {"a stream that is no Modbus is closed", a_stream_that_is_no_modbus_is_closed},
         {"clients beyond the limit are turned away", clients_beyond_the_limit_are_turned_away},
         {"a hung client gives way to a further one", a_hung_client_gives_way_to_a_further_one},
+        {"slow clients keep nobody out who asks", slow_clients_keep_nobody_out_who_asks},
         {"idle clients are closed and dripping bytes do not count",
          idle_clients_are_closed_and_dripping_bytes_do_not_count},
         {"descriptors beyond 1023 are served", descriptors_beyond_1023_are_served},

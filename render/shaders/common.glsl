@@ -30,8 +30,7 @@ layout(std140, binding = 0) uniform Scene {
                           // w: time of day's ambient strength
     vec4 view_rays;       // tangents: left, bottom, right, top
     mat4 enu_from_eye;
-    ivec4 sizes;          // storage side in posts; half-posts along a face at level 0; finest and
-                          // coarsest level held
+    ivec4 sizes;          // y: half-posts along a face at level 0; zw: finest and coarsest level held
     Pane panes[PANES];
     ivec4 edges[4 * PANES]; // across the sides west, east, south, north of a pane: the neighbour's pane
                             // (-1: not near), side, 1 where it runs backwards, its face
