@@ -152,6 +152,7 @@ static void lead(struct cigi_source *cigi)
     struct service *service = cigi->slot->service;
     bool live = service->arbiter.active == (int)cigi->slot->index;
     cigi_lead_take(&cigi->lead);
+    service->input.host_frame = cigi_session_link(cigi->session)->host_frame;
     service->input.wait_ns = live ? config_of(cigi)->sync_wait_ms * NSEC_PER_MSEC : 0;
 }
 
@@ -266,6 +267,8 @@ static void send_message(struct cigi_source *cigi, nsec_t now_ns)
 {
     const struct log_about source = about(cigi);
     size_t size = cigi_session_message(cigi->session, now_ns, cigi->message);
+    if (!render_thread_speaks(cigi->slot->service->render))
+        return; /* another channel in step does */
     int r = pose_source_send(cigi->slot->source, &cigi->reply, cigi->message, size);
     if (r == 0)
         return;
