@@ -90,11 +90,13 @@ static void take_input(struct frame_loop *loop)
     channel_set_geometry(loop->channel, &loop->input.geometry);
 }
 
-static void take_traffic(struct frame_loop *loop)
+static void take_traffic(struct frame_loop *loop, nsec_t frame_ns)
 {
-    if (loop->input.frozen || !latest_take(&loop->thread->traffic, &loop->traffic))
+    if (loop->input.frozen ||
+        (!latest_take(&loop->thread->traffic, &loop->traffic) && loop->traffic.count == 0))
         return;
-    entities_from_traffic(&loop->traffic, &loop->thread->params.entity_types, loop->entities);
+    entities_from_traffic(&loop->traffic, &loop->thread->params.entity_types, frame_ns,
+                          loop->entities);
     renderer_set_entities(channel_renderer(loop->channel), loop->entities, loop->traffic.count);
 }
 
@@ -234,7 +236,7 @@ static nsec_t draw_frame(struct frame_loop *loop, nsec_t tick_ns, bool *ret_fail
     uint64_t missed_before = loop->sample.missed;
     take_input(loop);
     begin_frame(loop, frame_ns);
-    take_traffic(loop);
+    take_traffic(loop, frame_ns);
     choose_pose(loop, frame_ns);
     struct pose next = loop->shown;
     if (!loop->input.frozen)
