@@ -58,6 +58,14 @@ struct config_display {
     bool program_cache; /* shaders are kept, compiled, from run to run */
 };
 
+/* Channels of one simulator that show the same frame at the same time. */
+struct config_swap_lock {
+    char group[ADDRESS_TEXT_MAX];     /* of multicast; empty: this channel stands alone */
+    char interface[ADDRESS_TEXT_MAX]; /* its address */
+    unsigned channel, channels;       /* from 1; of how many */
+    unsigned timeout_ms;              /* that a frame waits for the others */
+};
+
 enum config_technique {
     CONFIG_TECHNIQUE_CLIPMAP, /* the only one that this version draws with */
     CONFIG_TECHNIQUE_CLIPMAP_CLASSIC,
@@ -185,6 +193,7 @@ struct config_record {
 struct config {
     struct config_channel channel;
     struct config_display display;
+    struct config_swap_lock swap_lock;
     struct config_terrain terrain;
     struct config_environment environment;
     struct config_source *sources; /* sources_count of them, owned */

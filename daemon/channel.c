@@ -19,6 +19,7 @@
 struct channel {
     struct gl_context *context; /* NULL where a window brings its own */
     struct window *window;
+    bool holds;
     struct gl_facts gl;
     struct renderer *renderer;
     struct channel_geometry geometry;
@@ -102,6 +103,7 @@ int channel_create(const struct channel_params *params, struct channel **ret_cha
     channel->visibility_m = params->visibility_m;
     channel->clear_air = params->clear_air;
     channel->window = params->window;
+    channel->holds = params->holds;
     view_from_pose(&(struct pose){0}, &channel->geometry, &channel->last);
     use_program_cache(params->cache_programs);
     if (channel->window)
@@ -173,7 +175,7 @@ void channel_draw(struct channel *channel, const struct pose *pose, const struct
     if (!channel->gl.software)
         expect(channel, next, complete);
     ret_frame->draw_cpu_ms = milliseconds_from_ns(clock_thread_cpu_ns() - start_cpu_ns);
-    if (channel->window)
+    if (channel->window && !channel->holds)
         window_show(channel->window, renderer_framebuffer(channel->renderer));
     renderer_finish(channel->renderer, &ret_frame->renderer);
     ret_frame->finished_ns = clock_monotonic_ns();
@@ -182,6 +184,12 @@ void channel_draw(struct channel *channel, const struct pose *pose, const struct
     ret_frame->view = view;
     if (channel->gl.software)
         expect(channel, next, complete);
+}
+
+void channel_show(struct channel *channel)
+{
+    if (channel->window && channel->holds)
+        window_show(channel->window, renderer_framebuffer(channel->renderer));
 }
 
 void channel_set_geometry(struct channel *channel, const struct channel_geometry *geometry)

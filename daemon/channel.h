@@ -24,6 +24,7 @@ struct channel_params {
     bool clear_air;        /* no haze, whatever the visibility */
     bool cache_programs;   /* compiled shaders are kept from run to run */
     struct window *window; /* shows the frames too; NULL = headless */
+    bool holds;            /* not before channel_show() */
 };
 
 /* What is said where a frame's renderer has failed. */
@@ -55,6 +56,9 @@ void channel_destroy(struct channel *channel);
  * is not part of frame_ms. */
 void channel_draw(struct channel *channel, const struct pose *pose, const struct pose *next,
                   nsec_t utc_ns, bool complete, struct channel_frame *ret_frame);
+
+/* Shows the frame that was drawn last, where the channel holds it. */
+void channel_show(struct channel *channel);
 
 /* From the next frame on; must be one that channel_geometry_check() takes. */
 void channel_set_geometry(struct channel *channel, const struct channel_geometry *geometry);

@@ -33,6 +33,7 @@ static void use_view(struct cigi_lead *lead, const struct cigi_view *view,
         .mirror_x = d->mirror & CIGI_MIRROR_HORIZONTAL,
         .mirror_y = d->mirror & CIGI_MIRROR_VERTICAL,
         .near_m = (double)d->near_m,
+        .far_m = (double)d->far_m,
     };
     if (!d->orthographic && channel_geometry_check(&geometry, &diag) == 0) {
         *ret_geometry = geometry;
@@ -81,18 +82,6 @@ static void use_sky(struct cigi_lead *lead, const struct cigi_scene *scene)
         service_reset_time(service);
 }
 
-static void publish_traffic(struct cigi_lead *lead)
-{
-    struct service *service = lead->slot->service;
-    const struct cigi_scene *scene = cigi_session_scene(lead->session);
-    struct traffic *traffic = &lead->traffic;
-    size_t before = traffic->count;
-    traffic->count = cigi_scene_seen(scene, cigi_lead_view(lead)->entity, service_ground(service),
-                                     traffic->list, TRAFFIC_MAX);
-    if (service->render && traffic->count + before > 0)
-        render_thread_publish_traffic(service->render, traffic);
-}
-
 void cigi_lead_take(struct cigi_lead *lead)
 {
     struct service *service = lead->slot->service;
@@ -103,7 +92,6 @@ void cigi_lead_take(struct cigi_lead *lead)
     use_view(lead, cigi_lead_view(lead), &service->input.geometry);
     use_air(lead, &scene->atmosphere);
     use_sky(lead, scene);
-    publish_traffic(lead);
 }
 
 void cigi_lead_take_all(struct cigi_lead *lead)
@@ -112,6 +100,18 @@ void cigi_lead_take_all(struct cigi_lead *lead)
     lead->has_utc = false;
     lead->utc_offset_ns = 0;
     cigi_lead_take(lead);
+}
+
+void cigi_lead_traffic(struct cigi_lead *lead, nsec_t receive_ns, nsec_t valid_ns, nsec_t frame_ns)
+{
+    struct service *service = lead->slot->service;
+    size_t before = lead->traffic.count;
+    traffic_motion_take(&lead->motion, &service->input.motion, cigi_session_scene(lead->session),
+                        cigi_lead_view(lead)->entity, service_ground(service), receive_ns,
+                        valid_ns);
+    traffic_motion_show(&lead->motion, frame_ns, service->input.live, &lead->traffic);
+    if (service->render && lead->traffic.count + before > 0)
+        render_thread_publish_traffic(service->render, &lead->traffic);
 }
 
 void cigi_lead_drop(struct cigi_lead *lead)
@@ -127,6 +127,7 @@ void cigi_lead_drop(struct cigi_lead *lead)
     use_air(lead, &no_air);
     use_sky(lead, &no_sky);
     lead->traffic.count = 0;
+    traffic_motion_clear(&lead->motion);
     if (service->render)
         render_thread_publish_traffic(service->render, &lead->traffic);
 }

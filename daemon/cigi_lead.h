@@ -3,6 +3,7 @@
 #pragma once
 
 #include "daemon/render_thread.h"
+#include "daemon/traffic.h"
 #include "io/cigi_session.h"
 
 struct source_slot;
@@ -16,6 +17,7 @@ struct cigi_lead {
     nsec_t utc_ns;                         /* likewise, when it was set */
     nsec_t utc_offset_ns;                  /* likewise */
     struct cigi_view_definition not_drawn; /* the last that cannot be */
+    struct traffic_motion motion;          /* of the other entities; begins as init has it */
     struct traffic traffic;                /* as published last */
 };
 
@@ -29,6 +31,10 @@ void cigi_lead_take(struct cigi_lead *lead);
 
 /* The same for all of it: the input has been set to what the configuration says. */
 void cigi_lead_take_all(struct cigi_lead *lead);
+
+/* The other entities as a frame will show them. `receive_ns` and `valid_ns` are those of the
+ * message that has come; 0: a frame begins. */
+void cigi_lead_traffic(struct cigi_lead *lead, nsec_t receive_ns, nsec_t valid_ns, nsec_t frame_ns);
 
 /* Nobody leads any more: the input becomes what the configuration says. Legal where it does not
  * lead. */

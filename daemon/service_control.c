@@ -179,6 +179,7 @@ static void tell_what_waits(const struct config *now, const struct config *next)
     } sections[] = {
         {"channel", memcmp(&now->channel, &next->channel, sizeof(now->channel)) != 0},
         {"display", memcmp(&now->display, &next->display, sizeof(now->display)) != 0},
+        {"swap_lock", memcmp(&now->swap_lock, &next->swap_lock, sizeof(now->swap_lock)) != 0},
         {"terrain", memcmp(&now->terrain, &next->terrain, sizeof(now->terrain)) != 0},
         {"environment.atmosphere", now->environment.atmosphere != next->environment.atmosphere},
         {"entities", !same_entities(now, next)},

@@ -47,6 +47,14 @@ struct source_totals {
     uint64_t accepted, rejected, lost, can_frames;
 };
 
+/* What the swap lock told last. */
+struct swap_watch {
+    nsec_t
+        complete_ns;   /* when all channels were in step last, or the first frame came; 0 = never */
+    nsec_t failed_ns;  /* when it last failed at something; 0 = never */
+    uint64_t troubles; /* that were seen */
+};
+
 struct service {
     struct config config;
     const char *config_path;
@@ -85,7 +93,8 @@ struct service {
     struct health_collect collect;
     struct counter_base base;
     nsec_t start_ns, second_ns; /* when the once-a-second work is due */
-    nsec_t behind_ns;           /* when the recorder last dropped a record; 0 = never */
+    struct swap_watch swap;
+    nsec_t behind_ns; /* when the recorder last dropped a record; 0 = never */
     uint64_t recorder_dropped;
     nsec_t snapshot_ns;
     bool follow_clock; /* the sun goes by the system clock */
@@ -139,6 +148,12 @@ void service_dig(struct source_slot *slot, const struct dig_message *request,
 void health_tick(struct service *service, nsec_t now_ns);
 /* The whole map from now on, to Modbus. */
 void health_publish(struct service *service, nsec_t now_ns);
+
+/* service_swap.c */
+/* The faults of the swap lock, where there is one. */
+void swap_tick(struct service *service, nsec_t now_ns);
+/* Logs what it has counted. */
+void swap_tell(const struct service *service);
 
 /* service_control.c; the prefix keeps clear of libmodbus's names, such as modbus_close() */
 void service_modbus_tick(struct service *service, nsec_t now_ns);

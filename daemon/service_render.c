@@ -112,11 +112,16 @@ int service_start_render(struct service *service, struct diag *diag)
 {
     const struct config *config = &service->config;
     struct channel_params *channel = &service->render_params.channel;
-    service->render_params =
-        (struct render_params){.rate_hz = config->display.rate_hz,
-                               .pixel_error_most = config->terrain.pixel_error_most,
-                               .notify = &service->notify,
-                               .entity_types = {config->entities, config->entities_count}};
+    service->render_params = (struct render_params){
+        .rate_hz = config->display.rate_hz,
+        .pixel_error_most = config->terrain.pixel_error_most,
+        .notify = &service->notify,
+        .entity_types = {config->entities, config->entities_count},
+        .swap = {.group = config->swap_lock.group,
+                 .interface = config->swap_lock.interface,
+                 .channel = config->swap_lock.channel,
+                 .channels = config->swap_lock.channels,
+                 .timeout_ns = config->swap_lock.timeout_ms * NSEC_PER_MSEC}};
     config_to_channel(config, channel);
     if (service->recorder)
         service->render_params.snapshot_directory = config->record.directory;

@@ -70,6 +70,7 @@ static void place_entity(const struct cigi_scene *scene, struct cigi_entity *ent
 {
     entity->control.placement = *placement;
     entity->placed = true;
+    entity->placed_ns = receive_ns;
     memcpy(entity->place, placement->place, sizeof(entity->place));
     if (!placement->attach)
         entity->place[1] = longitude_normalised_deg(entity->place[1]);

@@ -23,7 +23,8 @@ struct cigi_entity {
                                  any, where rates have turned it */
     bool moving;              /* by `rate` */
     struct cigi_rate rate;
-    nsec_t time_ns; /* of place and attitude; 0: nobody has begun a frame with them */
+    nsec_t placed_ns; /* when the message came that placed it last */
+    nsec_t time_ns;   /* of place and attitude; 0: nobody has begun a frame with them */
 };
 
 struct cigi_part {
@@ -94,8 +95,10 @@ struct cigi_seen {
     bool enumerated; /* by DIS (4.0): then the country is in the place of the type */
     uint8_t domain;  /* of a DIS enumeration */
     uint8_t alpha;
-    double ecef_m[3];
-    struct quaternion ecef_from_body;
+    struct pose pose;
+    /* Of what it is attached to in the end, or its own: */
+    nsec_t placed_ns; /* as struct cigi_entity has it */
+    bool moves;       /* though nobody places it: by its rates, or over the ground */
 };
 
 /* The active entities that have a place, but for one, in the order of their numbers; at most
@@ -103,6 +106,9 @@ struct cigi_seen {
 size_t cigi_scene_seen(const struct cigi_scene *scene, uint16_t except,
                        const struct cigi_ground *ground, struct cigi_seen *ret_seen,
                        size_t capacity);
+
+/* What an entity that has a pose is attached to in the end; itself where it is to nothing. */
+const struct cigi_entity *cigi_scene_root(const struct cigi_scene *scene, uint16_t entity);
 
 const struct cigi_entity *cigi_scene_entity(const struct cigi_scene *scene, uint16_t entity);
 const struct cigi_view *cigi_scene_view(const struct cigi_scene *scene, uint16_t view);

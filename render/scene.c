@@ -89,6 +89,7 @@ void scene_set_view(const struct view *view, struct scene_block *ret_scene)
     for (int i = 0; i < 4; i++)
         scene->view_rays[i] = (float)rays[i];
     scene->grid[3] = (float)view->near_m;
+    scene->accuracy[1] = view->far_m > 0.0 ? (float)(view->near_m / view->far_m) : 0.0f;
     for (int col = 0; col < 4; col++)
         for (int row = 0; row < 4; row++)
             scene->enu_from_eye[4 * col + row] =

@@ -8,6 +8,10 @@
  *   system_tool cigi-ask PORT REPLY HEIGHTS LINES FRAMES
  *                                     a CIGI host that asks so many heights and lines of sight at
  *                                     once, so many times, each time when all is answered
+ *   system_tool swaps GROUP INTERFACE FROM_S
+ *                                     a line for each frame that channels of a swap lock tell that
+ *                                     they show, until killed: number, channel, whose number (host
+ *                                     or tick), ms of the system clock since FROM_S
  */
 #include <math.h>
 #include <netinet/in.h>
@@ -21,9 +25,11 @@
 
 #include "io/cigi_host.h"
 #include "io/native.h"
+#include "io/swap_lock.h"
 #include "io/udp.h"
 
-#define LIFE_S 60 /* an orphan ends by itself */
+#define LIFE_S           60 /* an orphan ends by itself */
+#define SWAPS_SILENCE_MS 60000
 
 static void fail(const char *what)
 {
@@ -365,6 +371,30 @@ static int cigi_ask(char **arguments)
     return 0;
 }
 
+static int swaps(const char *group, const char *interface, nsec_t from_ns)
+{
+    struct udp udp;
+    struct datagram datagram;
+    struct swap_message m;
+    struct diag diag;
+    uint8_t data[SWAP_MESSAGE_SIZE];
+    setvbuf(stdout, NULL, _IOLBF, 0);
+    alarm(0); /* the test ends it */
+    if (udp_listen_group(&udp, group, interface, &diag) < 0) {
+        fprintf(stderr, "%s\n", diag.text);
+        return 1;
+    }
+    struct pollfd poll_fd = {.fd = udp.fd, .events = POLLIN};
+    while (poll(&poll_fd, 1, SWAPS_SILENCE_MS) > 0)
+        if (udp_receive(&udp, data, sizeof(data), &datagram) > 0 &&
+            swap_message_decode(data, datagram.size, &m, NULL) == 0 && m.kind == SWAP_SHOW)
+            printf("%u %u %s %.4f\n", m.label.number, m.channel,
+                   m.label.base == SWAP_HOST ? "host" : "tick",
+                   milliseconds_from_ns(m.realtime_ns - from_ns));
+    udp_close(&udp);
+    return 0;
+}
+
 int main(int argc, char **argv)
 {
     const char *what = argc > 1 ? argv[1] : "";
@@ -381,6 +411,8 @@ int main(int argc, char **argv)
         return cigi((unsigned)atoi(argv[2]), argv[3], argc > 4 ? atoi(argv[4]) : 1);
     if (strcmp(what, "cigi-ask") == 0 && argc == 7)
         return cigi_ask(argv + 2);
+    if (strcmp(what, "swaps") == 0 && argc == 5)
+        return swaps(argv[2], argv[3], atoll(argv[4]) * NSEC_PER_SEC);
     fputs("usage: see the head of tests/system_tool.c\n", stderr);
     return 64;
 }

@@ -304,7 +304,7 @@ static void test_seen(void)
     struct cigi_packet hidden = entity_at(8, LAT_DEG, LON_DEG, 1700.0);
     struct cigi_packet child = child_of(9, 0, 0.0, 0.0, 5.0);
     struct cigi_seen seen[4];
-    double at_m[3];
+    struct pose pose;
     pair_operate(little_3);
     exchange(&ship);
     other.entity_control.type = 700;
@@ -317,17 +317,22 @@ static void test_seen(void)
     CHECK(seen[0].entity == 7 && seen[0].type == 700 && seen[0].alpha == 255 &&
           !seen[0].enumerated);
     CHECK_INT(seen[1].entity, 9);
-    geocentric_from_geodetic(&(struct geodetic){LAT_DEG, LON_DEG, 1600.0}, at_m);
-    for (int i = 0; i < 3; i++)
-        CHECK_NEAR(seen[0].ecef_m[i], at_m[i], 1e-6);
-    /* Its nose, along x, points to the east: (-sin lon, cos lon, 0). */
-    double m[3][3], lon = LON_DEG * M_PI / 180.0;
-    matrix_from_quaternion(seen[0].ecef_from_body, m);
-    CHECK_NEAR(m[0][0], -sin(lon), 1e-9);
-    CHECK_NEAR(m[1][0], cos(lon), 1e-9);
-    geocentric_from_geodetic(&(struct geodetic){LAT_DEG, LON_DEG, 1495.0}, at_m);
-    for (int i = 0; i < 3; i++)
-        CHECK_NEAR(seen[1].ecef_m[i], at_m[i], 1e-3);
+    check_enu(&seen[0].pose, 0.0, 0.0, 100.0);
+    CHECK_NEAR(seen[0].pose.attitude.heading_deg, 90.0, 1e-9);
+    check_enu(&seen[1].pose, 0.0, 0.0, -5.0);
+    /* A child is placed when what it hangs below is, by the message that came last. */
+    nsec_t came_ns = talk.now_ns;
+    exchange(&ship);
+    CHECK_INT(cigi_scene_seen(scene(), 0, &ground, seen, 4), 2);
+    CHECK(seen[0].placed_ns < came_ns && !seen[0].moves);
+    CHECK_INT(seen[1].placed_ns, came_ns);
+    struct cigi_packet rate = {.kind = CIGI_RATE};
+    rate.rate = (struct cigi_rate){.entity = 7, .linear_mps = {100.0f, 0.0f, 0.0f}};
+    exchange(&rate);
+    CHECK_INT(cigi_scene_seen(scene(), 0, &ground, seen, 4), 2);
+    CHECK(seen[0].moves && !seen[1].moves);
+    CHECK_INT(cigi_scene_entity_pose(scene(), 7, &ground, &pose), 0);
+    CHECK_NEAR(seen[0].pose.position.lat_deg, pose.position.lat_deg, 0.0);
     /* A DIS enumeration of kind 0 ("other") is one, too. */
     pair_end();
     pair_operate(little_4);

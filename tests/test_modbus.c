@@ -158,6 +158,12 @@ static void the_device_identifies_itself(void)
     CHECK_INT(a[6], 5);
     CHECK(ASK(server, fd, a, 0x2b, 0x0e, 1, 77) == (int)sizeof(basic)); /* starts over */
     CHECK_EXCEPTION(server, fd, 2, 0x2b, 0x0e, 4, 5);
+    CHECK_EXCEPTION(server, fd, 2, 0x2b, 0x0e, 4, 0x80); /* there is no swap lock */
+    modbus_server_publish(server, &(struct health){.swap = {3, 2}});
+    CHECK_INT(ASK(server, fd, a, 0x2b, 0x0e, 4, 0x80),
+              7 + 2 + sizeof("2 of 3 in step, 0 frames, 0 time-outs, 0 out of step, skew 0 us") -
+                  1);
+    CHECK_INT(ASK(server, fd, a, 0x2b, 0x0e, 1, 0), sizeof(basic)); /* it is not in the streams */
     CHECK_EXCEPTION(server, fd, 3, 0x2b, 0x0e, 5, 0);
     CHECK_EXCEPTION(server, fd, 3, 0x2b, 0x0e, 1);
     CHECK_EXCEPTION(server, fd, 1, 0x2b, 0x0d, 1, 0);
@@ -456,13 +462,15 @@ static void our_client_reads_what_our_server_publishes(void)
     struct health health = {.state = HEALTH_DEGRADED,
                             .frames_rendered = 123456,
                             .position = {64.13, -21.94, 1000},
-                            .fault_code = 201};
+                            .fault_code = 201,
+                            .swap = {3, 2, UINT64_C(5000000000), 1, 22, 5193 * NSEC_PER_USEC}};
     modbus_server_publish(server, &health);
     modbus_server_address(server, &address);
     address_format(&address, text);
     start_background(&background, server);
     CHECK_INT(modbus_client_read(text, 1, 2000, &read, &diag), 0);
     stop_background(&background);
+    CHECK_INT(memcmp(&read.swap, &health.swap, sizeof(read.swap)), 0);
     CHECK_INT(read.state, HEALTH_DEGRADED);
     CHECK_INT(read.frames_rendered, 123456);
     CHECK_NEAR(read.position.lon_deg, -21.94, 1e-7);

@@ -34,6 +34,7 @@ check()
             printf '#define FIELD_PANE 1\n#define GRID_CELLS 128\n#define LEVELS 10\n'
             printf '#define LANES 64\n'
             printf '#define SAMPLE_PLACES vec2(0.25), vec2(0.75)\n#define IMAGE_TAPS 4\n#define STORAGE 256\n'
+            printf '#define PATCH_CELLS 128\n#define BLOCK_CELLS 16\n'
             shared_of "$1"
             cat "$1"
         } | "$validator" --stdin -S "$stage" >"$output.log" 2>&1 ||

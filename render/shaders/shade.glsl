@@ -232,7 +232,7 @@ vec3 shaded(vec2 tangent, float depth)
     float ray_length = length(ray);
     vec3 view = ray / ray_length;
     vec3 radiance;
-    if (depth <= 0.0) {
+    if (depth <= scene.accuracy.y) {
         radiance = sky_colour(view);
         float disc = smoothstep(0.99996, 0.99999, dot(view, scene.sun.xyz));
         radiance += vec3(12.0, 10.5, 8.0) * disc * scene.sun.w;
