@@ -9,42 +9,52 @@
 #define SLACK    0.25  /* squares: that straight lines are off in terms of rows and columns */
 #define WIDE_RAD 0.026 /* of a field, at most, for that */
 
+/* Where on their way lines between two squares pass a plane between these: from and to which share.
+ */
+struct plane {
+    double least, most;
+};
+
 struct making {
     const struct field_box *boxes;
     struct pvs *pvs;
+    struct plane planes[PVS_ALONG][PVS_ALONG]; /* [how far the squares are apart][the plane] */
 };
 
 /* The lowest ground of squares along the minor axis, at `major` on the other. */
 static float lowest_across(const struct making *making, bool swapped, int major, double from,
                            double to)
 {
-    int along = making->pvs->along, first = (int)fmax(floor(from), 0.0);
-    int last = (int)fmin(floor(to), along - 1.0);
+    int along = making->pvs->along, first = from > 0.0 ? (int)from : 0;
+    int last = to < along - 1.0 ? (int)to : along - 1;
     float lowest_m = INFINITY;
     for (int minor = first; minor <= last; minor++) {
         int square = swapped ? minor * along + major : major * along + minor;
-        lowest_m = fminf(lowest_m, making->boxes[square].least_m[2]);
+        float ground_m = making->boxes[square].least_m[2];
+        lowest_m = ground_m < lowest_m ? ground_m : lowest_m;
     }
     return lowest_m;
 }
 
-/* Below which height no point of one square sees the highest of another: lines between them pass
- * the middle of each square between at a share t of their length. Places are (minor, major). */
+/* Below which height no point of one square sees the highest of another, at the middle of each
+ * square between. Places are (minor, major). */
 static double hidden_below_m(const struct making *making, bool swapped, const int from[2],
                              const int of[2], double top_m)
 {
     int way = of[1] > from[1] ? 1 : -1, far = abs(of[1] - from[1]);
     double hidden_m = -INFINITY, rise = of[0] - from[0];
     for (int i = 1; i < far; i++) {
-        double least = (i - 0.5 - SLACK) / (far + SLACK), most = (i + 0.5 + SLACK) / (far - SLACK);
-        double low = from[0] + fmin(least * rise, most * rise) - SLACK;
-        double high = from[0] + 1.0 + fmax(least * rise, most * rise) + SLACK;
+        const struct plane *plane = &making->planes[far][i];
+        double a = plane->least * rise, b = plane->most * rise;
+        double low = from[0] - SLACK + (a < b ? a : b),
+               high = from[0] + 1.0 + SLACK + (a < b ? b : a);
         double ground_m = (double)lowest_across(making, swapped, from[1] + way * i, low, high);
-        if (most >= 1.0 || ground_m <= hidden_m)
+        if (plane->most >= 1.0 || ground_m <= hidden_m)
             continue;
-        double below_m = fmin((ground_m - top_m * least) / (1.0 - least),
-                              (ground_m - top_m * most) / (1.0 - most));
-        hidden_m = fmax(hidden_m, below_m);
+        double early_m = (ground_m - top_m * plane->least) / (1.0 - plane->least);
+        double late_m = (ground_m - top_m * plane->most) / (1.0 - plane->most);
+        double below_m = early_m < late_m ? early_m : late_m;
+        hidden_m = below_m > hidden_m ? below_m : hidden_m;
     }
     return hidden_m;
 }
@@ -79,7 +89,11 @@ int pvs_create(const struct field *field, const struct field_boxes *boxes, struc
     *ret_pvs = (struct pvs){0};
     if (pvs.along > PVS_ALONG || field->cells * clipmap_step_rad(&field->shape, 0) > WIDE_RAD)
         return 0;
-    const struct making making = {boxes->levels[pvs.level].boxes, &pvs};
+    struct making making = {boxes->levels[pvs.level].boxes, &pvs, {{{0}}}};
+    for (int far = 1; far < PVS_ALONG; far++)
+        for (int i = 1; i < far; i++)
+            making.planes[far][i] = (struct plane){(i - 0.5 - SLACK) / (far + SLACK),
+                                                   (i + 0.5 + SLACK) / (far - SLACK)};
     float highest_m = -INFINITY;
     pvs.lowest_m = INFINITY;
     for (size_t i = 0; i < squares; i++) {
@@ -89,7 +103,7 @@ int pvs_create(const struct field *field, const struct field_boxes *boxes, struc
     pvs.layer_m = 3.0f * (highest_m - pvs.lowest_m) / PVS_LAYERS;
     pvs.first_layer = malloc(squares * squares);
     if (!pvs.first_layer ||
-        parallel_run(parallel_processors(), (unsigned)squares, make_from, (void *)&making) < 0) {
+        parallel_run(parallel_processors(), (unsigned)squares, make_from, &making) < 0) {
         free(pvs.first_layer);
         return -ENOMEM;
     }
