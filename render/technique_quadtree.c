@@ -373,8 +373,8 @@ static void facts(const struct technique *technique, struct technique_facts *ret
         .facts = facts,                                                                            \
     }
 
-QUADTREE(technique_quadtree, "quadtree", 17, true, 3.0, "");
-QUADTREE(technique_quadtree_5, "quadtree-5", 5, true, 2.0, "");
-QUADTREE(technique_quadtree_9, "quadtree-9", 9, true, 3.0, "");
-QUADTREE(technique_quadtree_33, "quadtree-33", 33, true, 6.0, "");
-QUADTREE(technique_quadtree_apart, "quadtree-apart", 17, false, 3.0, ", each patch by itself");
+QUADTREE(technique_quadtree, "quadtree", 17, true, 5.0, "");
+QUADTREE(technique_quadtree_5, "quadtree-5", 5, true, 3.0, "");
+QUADTREE(technique_quadtree_9, "quadtree-9", 9, true, 4.0, "");
+QUADTREE(technique_quadtree_33, "quadtree-33", 33, true, 8.0, "");
+QUADTREE(technique_quadtree_apart, "quadtree-apart", 17, false, 5.0, ", each patch by itself");

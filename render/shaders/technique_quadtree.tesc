@@ -7,7 +7,7 @@ in ivec4 of_patch[];
 in ivec3 of_block[];
 patch out ivec4 tile;
 patch out ivec3 block;
-patch out float skirt_m;
+patch out float foot_m;
 out float segments[];
 
 layout(binding = 9) uniform sampler2DArray patch_heights;
@@ -55,8 +55,8 @@ vec4 errors_of(ivec2 at)
     return texelFetch(block_errors, ivec3(clamp(at, ivec2(0), ivec2(BLOCKS - 1)), of_patch[0].w), 0);
 }
 
-// Segments of an edge, and how far below it the skirt has to reach: as far as the two edges of a
-// seam are from the ground, both within the tolerance.
+// Segments of an edge, and how far down its skirt reaches: farther than the two edges of a seam are
+// apart, both within the tolerance; from the lowest of the block on, for the skirt's foot is level.
 float segments_of(int edge)
 {
     ivec2 at = of_block[0].xy, way = ivec2(edge & 1 ^ 1, edge & 1) * (edge < 2 ? -1 : 1);
@@ -67,7 +67,8 @@ float segments_of(int edge)
     vec4 errors = max(errors_of(at), errors_of(at + way));
     float coarser = dot(vec4(lessThan(errors * most, vec4(seen.z))), vec4(1.0));
     if (of_block[0].z >= 0)
-        skirt_m = min(2.0 * seen.z / max(pixels, 1e-6), half_edge_m());
+        foot_m = texelFetch(block_ranges, ivec3(at, of_patch[0].w), 0).r -
+                 min(2.0 * seen.z / max(pixels, 1e-6), half_edge_m());
     return max(float(BLOCK_CELLS) * exp2(-coarser), 2.0);
 }
 
