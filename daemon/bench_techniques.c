@@ -1,5 +1,6 @@
 #include "daemon/bench_techniques.h"
 
+#include <assert.h>
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -15,7 +16,7 @@
 #include "daemon/replay.h"
 #include "daemon/technique_report.h"
 
-#define ENTRIES_MOST  16
+#define ENTRIES_MOST  32
 #define SURVEY_FRAMES 12 /* on which settings are chosen */
 #define SURVEY_POINTS 7  /* settings of each knob */
 #define REFINE_STEPS  4
@@ -66,22 +67,22 @@ static const struct argp_option known[] = {
 static void list_techniques(char *ret, size_t size)
 {
     size_t used = (size_t)snprintf(ret, size, "clipmap");
-    for (const struct technique_ops *const *ops = techniques; *ops; ops++)
+    for (const struct technique_ops *const *ops = techniques; *ops && used < size; ops++)
         used += (size_t)snprintf(ret + used, size - used, ", %s", (*ops)->name);
 }
 
 static void add_technique(struct argp_state *state, const char *name)
 {
     struct techniques_options *options = state->input;
-    char list[256];
+    char list[1024];
     list_techniques(list, sizeof(list));
     if (strcmp(name, "clipmap") != 0 && !technique_find(name))
         argp_error(state, "there is no technique \"%s\"; there are %s", name, list);
     for (int i = 0; i < options->count; i++)
         if (strcmp(options->names[i], name) == 0)
             return;
-    if (options->count < ENTRIES_MOST)
-        options->names[options->count++] = name;
+    assert(options->count < ENTRIES_MOST); /* each once, and there are not so many */
+    options->names[options->count++] = name;
 }
 
 static void add_all(struct argp_state *state)
@@ -301,14 +302,14 @@ static int fly_all(struct comparing *comparing, enum comparison which, enum poin
     return count == 0 ? 0 : flights_fly(&comparing->stage, &params, flown, count, diag);
 }
 
-/* What the clipmap's frame takes where its error is as asked; 0 where it is not compared. */
+/* What the clipmap's terrain takes where its error is as asked; 0 where it is not compared. */
 static double clipmap_ms(const struct technique_report *report)
 {
     for (int i = 0; i < report->count; i++) {
         const struct point *point =
             points_meeting(&report->curves[i], POINT_ERROR, report->error_px);
         if (!report->entries[i].ops && point)
-            return point->frame_ms;
+            return point->terrain_ms;
     }
     return 0.0;
 }

@@ -15,9 +15,10 @@ int flown_init(struct flown *flown, struct entry *entry, const struct flights_pa
     size_t judged = (frames + (size_t)params->every - 1) / (size_t)params->every;
     *flown = (struct flown){.entry = entry, .worst_db = INFINITY};
     flown->frame_ms = calloc(all, sizeof(double));
+    flown->terrain_ms = calloc(all, sizeof(double));
     flown->gpu_ms = calloc(all, sizeof(double));
     flown->cpu_ms = calloc(all, sizeof(double));
-    if (!flown->frame_ms || !flown->gpu_ms || !flown->cpu_ms)
+    if (!flown->frame_ms || !flown->terrain_ms || !flown->gpu_ms || !flown->cpu_ms)
         return -ENOMEM;
     int r = samples_init(&flown->triangles, all);
     r = r < 0 ? r : samples_init(&flown->vertices_sent, all);
@@ -30,6 +31,7 @@ int flown_init(struct flown *flown, struct entry *entry, const struct flights_pa
 void flown_finish(struct flown *flown)
 {
     free(flown->frame_ms);
+    free(flown->terrain_ms);
     free(flown->gpu_ms);
     free(flown->cpu_ms);
     samples_finish(&flown->triangles);
@@ -81,6 +83,7 @@ static int judge(struct stage *stage, const struct flights_params *params, struc
     flown->strangers.pixels += difference.pixels;
     flown->strangers.holes += difference.holes;
     flown->strangers.walls += difference.walls;
+    flown->strangers.beyond += difference.beyond;
     return 0;
 }
 
@@ -184,6 +187,7 @@ static int fly_round(struct stage *stage, const struct flights_params *params, s
             continue;
         size_t at = (size_t)round * (size_t)params->frames + (size_t)i;
         flown->frame_ms[at] = cost.frame_ms;
+        flown->terrain_ms[at] = technique_terrain_ms(&cost);
         flown->gpu_ms[at] = cost.gpu_ms;
         flown->cpu_ms[at] = cost.cpu_ms;
         flown->facts = entry_facts(flown->entry, stage);

@@ -19,7 +19,7 @@ struct flown {
     struct entry *entry;
     double setting;
     bool met;                                            /* what the setting was chosen for */
-    double *frame_ms, *gpu_ms, *cpu_ms;                  /* [rounds][frames] */
+    double *frame_ms, *terrain_ms, *gpu_ms, *cpu_ms;     /* [rounds][frames] */
     struct samples triangles, vertices_sent, bytes_sent; /* of frames */
     struct technique_facts facts;                        /* of the last frame */
     struct samples error_px, psnr_db;

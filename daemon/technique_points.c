@@ -12,7 +12,7 @@
 struct gathering {
     struct curve *curve;
     double setting;
-    struct samples error_px, psnr_db, frame_ms, gpu_ms, triangles;
+    struct samples error_px, psnr_db, frame_ms, terrain_ms, gpu_ms, triangles;
 };
 
 static void gathering_finish(struct gathering *gathering)
@@ -20,6 +20,7 @@ static void gathering_finish(struct gathering *gathering)
     samples_finish(&gathering->error_px);
     samples_finish(&gathering->psnr_db);
     samples_finish(&gathering->frame_ms);
+    samples_finish(&gathering->terrain_ms);
     samples_finish(&gathering->gpu_ms);
     samples_finish(&gathering->triangles);
 }
@@ -30,6 +31,7 @@ static int gathering_init(struct gathering *gathering, const struct points_param
     int r = samples_init(&gathering->error_px, frames * params->pixels);
     r = r < 0 ? r : samples_init(&gathering->psnr_db, frames);
     r = r < 0 ? r : samples_init(&gathering->frame_ms, REPEATS * frames);
+    r = r < 0 ? r : samples_init(&gathering->terrain_ms, REPEATS * frames);
     r = r < 0 ? r : samples_init(&gathering->gpu_ms, REPEATS * frames);
     return r < 0 ? r : samples_init(&gathering->triangles, REPEATS * frames);
 }
@@ -60,6 +62,7 @@ static struct point point_of(struct gathering *gathering)
         .max_px = error.max,
         .psnr_db = mean_of(&gathering->psnr_db),
         .frame_ms = distribution_of(&gathering->frame_ms).p50,
+        .terrain_ms = distribution_of(&gathering->terrain_ms).p50,
         .gpu_ms = distribution_of(&gathering->gpu_ms).p50,
         .triangles = distribution_of(&gathering->triangles).p50,
     };
@@ -91,6 +94,7 @@ static int gather(struct stage *stage, const struct points_params *params,
         struct technique_cost cost;
         r = entry_show(entry, stage, view, &cost);
         samples_add(&gathering->frame_ms, cost.frame_ms);
+        samples_add(&gathering->terrain_ms, technique_terrain_ms(&cost));
         samples_add(&gathering->gpu_ms, cost.gpu_ms);
         samples_add(&gathering->triangles, (double)cost.triangles);
         if (r == 0 && i == 0) /* a history has not yet seen the frame twice */
@@ -190,7 +194,7 @@ int points_survey(struct stage *stage, const struct points_params *params, struc
 /* Whether a point is on the coarse side of a goal: too much of an error, or time to spare. */
 static bool is_coarser(const struct point *point, enum point_goal goal, double value)
 {
-    return goal == POINT_ERROR ? point->p99_px > value : point->frame_ms <= value;
+    return goal == POINT_ERROR ? point->p99_px > value : point->terrain_ms <= value;
 }
 
 /* The setting between the two points around the goal where it would be met if setting and measure

@@ -9,9 +9,9 @@
 /* What an entry is at a setting, over a few frames of the flight. */
 struct point {
     double setting;
-    double p50_px, p99_px, p999_px, max_px; /* the error on the screen */
-    double psnr_db;                         /* the frames' mean */
-    double frame_ms, gpu_ms, triangles;     /* medians */
+    double p50_px, p99_px, p999_px, max_px;         /* the error on the screen */
+    double psnr_db;                                 /* the frames' mean */
+    double frame_ms, terrain_ms, gpu_ms, triangles; /* medians */
 };
 
 /* All that was measured of an entry, in order of its settings, coarsest first. */
@@ -41,13 +41,13 @@ enum point_goal { POINT_ERROR, POINT_TIME };
 int points_refine(struct stage *stage, const struct points_params *params, struct curve *curves,
                   int count, enum point_goal goal, double value, int steps, struct diag *diag);
 
-/* The coarsest point whose 99th percentile of the error is at most that, or the finest whose frame
- * takes at most that; else the one that comes nearest. NULL where nothing was measured. */
+/* The coarsest point whose 99th percentile of the error is at most that, or the finest whose
+ * terrain takes at most that; else the one that comes nearest. NULL where nothing was measured. */
 const struct point *points_meeting(const struct curve *curve, enum point_goal goal, double value);
 
 /* How a goal is met: within this share. */
 #define POINTS_WITHIN 0.02
 static inline double point_value(const struct point *point, enum point_goal goal)
 {
-    return goal == POINT_ERROR ? point->p99_px : point->frame_ms;
+    return goal == POINT_ERROR ? point->p99_px : point->terrain_ms;
 }

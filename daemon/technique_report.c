@@ -44,6 +44,7 @@ static void print_heading(const struct technique_report *report)
 static void print_flown(const struct technique_report *report, const struct flown *flown)
 {
     struct spread frame = flights_spread(&report->params, flown->frame_ms);
+    struct spread terrain = flights_spread(&report->params, flown->terrain_ms);
     struct spread gpu = flights_spread(&report->params, flown->gpu_ms);
     struct spread cpu = flights_spread(&report->params, flown->cpu_ms);
     struct distribution error = distribution_of(&flown->error_px);
@@ -51,14 +52,15 @@ static void print_flown(const struct technique_report *report, const struct flow
     char motion[16] = "-";
     if (flown->motion_px.count > 0)
         snprintf(motion, sizeof(motion), "%.4f", distribution_of(&flown->motion_px).p999);
-    printf("  %-18s %8.3g%c %8.3f %8.3f %5.2f %8.3f %8.3f %10.0f %9.0f %9.0f %7.3f %7.3f %8.2f "
-           "%6.2f %7s %7.0f %7.0f\n",
-           flown->entry->name, flown->setting, flown->met ? ' ' : '!', frame.p50, frame.p999,
-           frame.p999 / fmax(frame.p50, 1e-9), gpu.p50, cpu.p50,
-           distribution_of(&flown->triangles).p50, distribution_of(&flown->bytes_sent).p50,
-           (double)flown->facts.gpu_bytes / MIB, error.p99, error.p999, mean_of(&flown->psnr_db),
-           flown->worst_db, motion, per_million(strangers->holes, strangers->pixels),
-           per_million(strangers->walls, strangers->pixels));
+    printf(
+        "  %-18s %8.3g%c %8.3f %8.3f %5.2f %8.3f %8.3f %8.3f %10.0f %9.0f %9.0f %7.3f %7.3f %8.2f "
+        "%6.2f %7s %7.0f %7.0f\n",
+        flown->entry->name, flown->setting, flown->met ? ' ' : '!', frame.p50, frame.p999,
+        frame.p999 / fmax(frame.p50, 1e-9), terrain.p50, gpu.p50, cpu.p50,
+        distribution_of(&flown->triangles).p50, distribution_of(&flown->bytes_sent).p50,
+        (double)flown->facts.gpu_bytes / MIB, error.p99, error.p999, mean_of(&flown->psnr_db),
+        flown->worst_db, motion, per_million(strangers->holes, strangers->pixels),
+        per_million(strangers->walls, strangers->pixels));
     printf("  %-18s           %8s %8s       (rounds: p50 %.3f to %.3f, p99.9 %.3f to %.3f)\n", "",
            "", "", frame.p50_least, frame.p50_most, frame.p999_least, frame.p999_most);
 }
@@ -70,11 +72,11 @@ static void print_comparison(const struct technique_report *report, enum compari
     if (which == EQUAL_ERROR)
         printf("\nequal error: the 99th percentile is to be %g px\n", report->error_px);
     else
-        printf("\nequal time: the median frame is to take the clipmap's %.3f ms\n",
+        printf("\nequal time: the terrain of the median frame is to take the clipmap's %.3f ms\n",
                report->time_ms);
-    printf("  %-18s %9s %8s %8s %5s %8s %8s %10s %9s %9s %7s %7s %8s %6s %7s %7s %7s\n", "",
-           "setting", "frame ms", "p99.9", "/p50", "GPU ms", "CPU ms", "triangles", "bytes",
-           "GPU MiB", "p99 px", "p99.9", "PSNR dB", "worst", "motion", "holes", "walls");
+    printf("  %-18s %9s %8s %8s %5s %8s %8s %8s %10s %9s %9s %7s %7s %8s %6s %7s %7s %7s\n", "",
+           "setting", "frame ms", "p99.9", "/p50", "terrain", "GPU ms", "CPU ms", "triangles",
+           "bytes", "GPU MiB", "p99 px", "p99.9", "PSNR dB", "worst", "motion", "holes", "walls");
     for (int i = 0; i < report->flown_count[which]; i++)
         print_flown(report, &report->flown[which][i]);
 }
@@ -86,13 +88,22 @@ void technique_report_print(const struct technique_report *report)
         print_comparison(report, (enum comparison)which);
     puts("\n  ! what was asked for is not reached by any setting; motion: p99.9, px a frame; "
          "holes and walls in a million pixels");
+    for (int i = 0; i < report->flown_count[EQUAL_ERROR]; i++) {
+        const struct flown *flown = &report->flown[EQUAL_ERROR][i];
+        double shown = (double)(flown->strangers.pixels + flown->strangers.beyond);
+        if (!flown->entry->ops)
+            printf("  the clipmap alone draws what lies beyond the ground that is compared: %.1f "
+                   "%% of "
+                   "its pixels with ground\n",
+                   100.0 * (double)flown->strangers.beyond / fmax(shown, 1.0));
+    }
     for (int i = 0; i < report->count; i++) {
         const struct entry *entry = &report->entries[i];
         if (!entry_is_available(entry))
             printf("  %-18s not available: %s\n", entry->name, entry->unavailable.text);
         else
-            printf("  %-18s setting: %s; start %.0f ms\n", entry->name, entry->knob.name,
-                   entry->start_ms);
+            printf("  %-18s %s; setting: %s; start %.0f ms\n", entry->name, entry_title(entry),
+                   entry->knob.name, entry->start_ms);
     }
 }
 
@@ -113,9 +124,10 @@ static json_t *json_flown(const struct technique_report *report, const struct fl
 {
     const struct quality_difference *strangers = &flown->strangers;
     json_t *json = json_pack(
-        "{s:s,s:f,s:b,s:o,s:o,s:o,s:o,s:o,s:o,s:o}", "technique", flown->entry->name, "setting",
+        "{s:s,s:f,s:b,s:o,s:o,s:o,s:o,s:o,s:o,s:o,s:o}", "technique", flown->entry->name, "setting",
         flown->setting, "met", flown->met, "frame_ms", json_spread(report, flown->frame_ms),
-        "gpu_ms", json_spread(report, flown->gpu_ms), "cpu_ms", json_spread(report, flown->cpu_ms),
+        "terrain_ms", json_spread(report, flown->terrain_ms), "gpu_ms",
+        json_spread(report, flown->gpu_ms), "cpu_ms", json_spread(report, flown->cpu_ms),
         "triangles", json_samples(&flown->triangles), "vertices_sent",
         json_samples(&flown->vertices_sent), "bytes_sent", json_samples(&flown->bytes_sent),
         "error_px", json_samples(&flown->error_px));
@@ -123,9 +135,10 @@ static json_t *json_flown(const struct technique_report *report, const struct fl
                         json_pack("{s:f,s:f,s:f}", "mean", mean_of(&flown->psnr_db), "worst",
                                   flown->worst_db, "worst_at_s", seconds_from_ns(flown->worst_ns)));
     json_object_set_new(json, "pixels",
-                        json_pack("{s:I,s:I,s:I}", "judged", (json_int_t)strangers->pixels, "holes",
-                                  (json_int_t)strangers->holes, "walls",
-                                  (json_int_t)strangers->walls));
+                        json_pack("{s:I,s:I,s:I,s:I}", "judged", (json_int_t)strangers->pixels,
+                                  "holes", (json_int_t)strangers->holes, "walls",
+                                  (json_int_t)strangers->walls, "beyond",
+                                  (json_int_t)strangers->beyond));
     if (flown->motion_px.count > 0)
         json_object_set_new(json, "motion_px", json_samples(&flown->motion_px));
     json_object_set_new(json, "memory_mib",
@@ -150,10 +163,11 @@ static json_t *json_curve(const struct curve *curve)
     for (int i = 0; i < curve->count; i++) {
         const struct point *p = &curve->points[i];
         json_array_append_new(
-            points, json_pack("{s:f,s:f,s:f,s:f,s:f,s:f,s:f,s:f,s:f}", "setting", p->setting,
-                              "p50_px", p->p50_px, "p99_px", p->p99_px, "p999_px", p->p999_px,
-                              "max_px", p->max_px, "psnr_db", p->psnr_db, "frame_ms", p->frame_ms,
-                              "gpu_ms", p->gpu_ms, "triangles", p->triangles));
+            points,
+            json_pack("{s:f,s:f,s:f,s:f,s:f,s:f,s:f,s:f,s:f,s:f}", "setting", p->setting, "p50_px",
+                      p->p50_px, "p99_px", p->p99_px, "p999_px", p->p999_px, "max_px", p->max_px,
+                      "psnr_db", p->psnr_db, "frame_ms", p->frame_ms, "terrain_ms", p->terrain_ms,
+                      "gpu_ms", p->gpu_ms, "triangles", p->triangles));
     }
     return points;
 }
@@ -163,8 +177,9 @@ static json_t *json_entry(const struct entry *entry, const struct curve *curve)
     if (!entry_is_available(entry))
         return json_pack("{s:s,s:b,s:s}", "technique", entry->name, "available", false, "reason",
                          entry->unavailable.text);
-    return json_pack("{s:s,s:b,s:s,s:f,s:o}", "technique", entry->name, "available", true, "knob",
-                     entry->knob.name, "start_ms", entry->start_ms, "points", json_curve(curve));
+    return json_pack("{s:s,s:s,s:b,s:s,s:f,s:o}", "technique", entry->name, "title",
+                     entry_title(entry), "available", true, "knob", entry->knob.name, "start_ms",
+                     entry->start_ms, "points", json_curve(curve));
 }
 
 void technique_report_print_json(const struct technique_report *report, FILE *file)

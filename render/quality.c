@@ -265,8 +265,10 @@ int quality_against_kept(struct quality *quality, struct renderer *renderer,
     if (r < 0)
         return r;
     for (size_t i = 0; i < quality->picture; i++) {
-        if (!(quality->kept_depth[i] > 0.0f))
+        if (!(quality->kept_depth[i] > 0.0f)) {
+            difference.beyond += quality->depth[i] > 0.0f;
             continue;
+        }
         difference.pixels++;
         sum += square_of_difference(&quality->ours[4 * i], &quality->reference[4 * i]);
     }

@@ -59,8 +59,9 @@ int quality_keep(struct quality *quality, struct renderer *renderer);
 struct quality_difference {
     double psnr_db;
     uint64_t pixels;
-    uint64_t holes; /* show what is farther, */
-    uint64_t walls; /* or nearer, than all that is kept within QUALITY_NEAR_PX of them */
+    uint64_t holes;  /* show what is farther, */
+    uint64_t walls;  /* or nearer, than all that is kept within QUALITY_NEAR_PX of them */
+    uint64_t beyond; /* beside them: ground where none is kept */
 };
 #define QUALITY_NEAR_PX 2
 

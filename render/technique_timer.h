@@ -11,6 +11,13 @@ struct technique_cost {
     uint64_t triangles;                  /* given to the rasteriser by draw() */
 };
 
+/* All of a frame but its shading, which does not depend on the technique, only on how much ground
+ * is in the picture. */
+static inline double technique_terrain_ms(const struct technique_cost *cost)
+{
+    return cost->frame_ms - cost->shade_ms;
+}
+
 struct technique_timer;
 
 /* Returns NULL without memory. */

@@ -6,11 +6,18 @@
 #include "render/renderer.h"
 #include "render/scene.h"
 #include "render/technique.h"
+#include "render/technique_cdlod.h"
+#include "render/technique_clipmap_classic.h"
+#include "render/technique_geomipmap.h"
 #include "render/technique_quadtree.h"
 #include "render/technique_reference.h"
 
 const struct technique_ops *const techniques[] = {
     &technique_reference,
+    &technique_cdlod,
+    &technique_clipmap_classic,
+    &technique_clipmap_classic_sent,
+    &technique_geomipmap,
     &technique_quadtree,
     &technique_quadtree_5,
     &technique_quadtree_9,

@@ -46,6 +46,7 @@ grep -q '"not available"' both.json && fail "something is not available: $(cat b
 for table in equal_error equal_time; do
     for technique in clipmap reference; do
         within $table $technique frame_ms p50 0.01 60000
+        within $table $technique terrain_ms p50 0.01 60000
         within $table $technique gpu_ms p50 0.01 60000
         within $table $technique triangles p50 100 1e7
         within $table $technique pixels judged 10000 72000
@@ -60,6 +61,7 @@ within equal_error clipmap motion_px p99 0 1
 within equal_error clipmap error_px p99 1 2.6 # chosen by other frames than are flown
 within equal_error clipmap psnr_db mean 15 60
 within equal_error clipmap pixels holes 0 200
+within equal_error reference pixels beyond 0 0
 for name in clipmap clipmap-difference clipmap-edges reference; do
     [ "$(head -c 4 "report/$name.png" | od -An -tx1 | tr -d ' ')" = 89504e47 ] || fail "no $name.png"
 done
