@@ -1,15 +1,19 @@
 #include "render/technique_quadtree.h"
 
 #include <errno.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 
 #include "render/technique_quadtree_patches.h"
 
-#define LAYERS_MOST   2048
-#define FIRST_UNIT    9 /* of textures */
-#define SEEN_LOCATION 0
-#define NONE          -1
+#define LAYERS_MOST 2048
+#define FIRST_UNIT  9 /* of textures */
+/* Uniforms of technique_quadtree.tesc. */
+#define EYE_LOCATION   0
+#define SIDES_LOCATION 3
+#define SEEN_LOCATION  4
+#define NONE           -1
 
 /* The texture arrays, in the order of their units. */
 enum { HEIGHTS, ERRORS, RANGES, ARRAYS };
@@ -265,12 +269,31 @@ static void fill(struct technique_of_quadtree *self)
     glMemoryBarrier(GL_TEXTURE_FETCH_BARRIER_BIT);
 }
 
+/* What the errors of blocks are judged by. */
+static void set_view(const struct technique_of_quadtree *self, const struct technique_frame *frame)
+{
+    const struct view *view = frame->view;
+    double across = fabs(view->tan_right - view->tan_left);
+    double upright = fabs(view->tan_top - view->tan_bottom);
+    GLfloat eye_from_enu[9];
+    for (int i = 0; i < 9; i++)
+        eye_from_enu[i] = (i % 3 == 2 ? -1.0f : 1.0f) * (float)view->enu_from_eye[i / 3][i % 3];
+    glProgramUniformMatrix3fv(self->program, EYE_LOCATION, 1, GL_FALSE, eye_from_enu);
+    glProgramUniform4f(self->program, SIDES_LOCATION, (float)fmin(view->tan_left, view->tan_right),
+                       (float)fmin(view->tan_bottom, view->tan_top),
+                       (float)fmax(view->tan_left, view->tan_right),
+                       (float)fmax(view->tan_bottom, view->tan_top));
+    glProgramUniform3f(self->program, SEEN_LOCATION, (float)(frame->width / across),
+                       (float)(frame->height / upright), (float)self->tolerance_px);
+}
+
 static void update(struct technique *technique, const struct technique_frame *frame)
 {
     struct technique_of_quadtree *self = (struct technique_of_quadtree *)technique;
     struct sight sight = sight_from_view(frame->view);
     choose(self, &sight, frame->pixel_rad);
     settle(self);
+    set_view(self, frame);
     fill(self);
     self->visible_count = 0;
     for (int i = 0; i < self->chosen_count; i++) {
@@ -300,10 +323,8 @@ static void draw_each(const struct technique_of_quadtree *self)
 static void draw(struct technique *technique, const struct technique_frame *frame)
 {
     struct technique_of_quadtree *self = (struct technique_of_quadtree *)technique;
+    (void)frame;
     glUseProgram(self->program);
-    glProgramUniform4f(self->program, SEEN_LOCATION, 0.5f * (float)frame->width,
-                       0.5f * (float)frame->height, (float)(1.0 / frame->pixel_rad),
-                       (float)self->tolerance_px);
     glBindVertexArray(self->vertex_array);
     glPatchParameteri(GL_PATCH_VERTICES, 1);
     if (self->at_once)
@@ -333,7 +354,7 @@ static void facts(const struct technique *technique, struct technique_facts *ret
 }
 
 /* Blocks of so many posts a side (table 2.4), with texture arrays or without (table 2.3). */
-#define QUADTREE(symbol, name_text, posts, all)                                                    \
+#define QUADTREE(symbol, name_text, posts, all, most_px, how)                                      \
     static int symbol##_create(const struct technique_params *params,                              \
                                struct technique **ret_technique, struct diag *diag)                \
     {                                                                                              \
@@ -341,9 +362,9 @@ static void facts(const struct technique *technique, struct technique_facts *ret
     }                                                                                              \
     const struct technique_ops symbol = {                                                          \
         .name = name_text,                                                                         \
-        .title = "Yusov 2012: patch quadtree, tessellation blocks of " #posts " x " #posts,        \
+        .title = "Yusov 2012: patch quadtree, tessellation blocks of " #posts " x " #posts how,    \
         .knob = {"tolerance, px", 0.1, 64.0, 1.0, false, false},                                   \
-        .claim = {1.0, 3.0, true},                                                                 \
+        .claim = {1.0, most_px, true, true},                                                       \
         .create = symbol##_create,                                                                 \
         .destroy = destroy,                                                                        \
         .tune = tune,                                                                              \
@@ -352,8 +373,8 @@ static void facts(const struct technique *technique, struct technique_facts *ret
         .facts = facts,                                                                            \
     }
 
-QUADTREE(technique_quadtree, "quadtree", 17, true);
-QUADTREE(technique_quadtree_5, "quadtree-5", 5, true);
-QUADTREE(technique_quadtree_9, "quadtree-9", 9, true);
-QUADTREE(technique_quadtree_33, "quadtree-33", 33, true);
-QUADTREE(technique_quadtree_apart, "quadtree-apart", 17, false);
+QUADTREE(technique_quadtree, "quadtree", 17, true, 5.0, "");
+QUADTREE(technique_quadtree_5, "quadtree-5", 5, true, 3.0, "");
+QUADTREE(technique_quadtree_9, "quadtree-9", 9, true, 4.0, "");
+QUADTREE(technique_quadtree_33, "quadtree-33", 33, true, 8.0, "");
+QUADTREE(technique_quadtree_apart, "quadtree-apart", 17, false, 5.0, ", each patch by itself");

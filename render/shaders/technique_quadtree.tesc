@@ -7,15 +7,18 @@ in ivec4 of_patch[];
 in ivec3 of_block[];
 patch out ivec4 tile;
 patch out ivec3 block;
-patch out float skirt_m;
+patch out float foot_m;
 out float segments[];
 
 layout(binding = 9) uniform sampler2DArray patch_heights;
 layout(binding = 10) uniform sampler2DArray block_errors;
 layout(binding = 11) uniform sampler2DArray block_ranges;
 
-layout(location = 0) uniform vec4 seen; // half of the picture's width and height, px; pixels of a
-                                        // radian in its middle; the tolerance, px
+// What is judged by is set once a frame, and not the projection that is drawn by: that of people who
+// look at a frame's triangles from elsewhere is another.
+layout(location = 0) uniform mat3 eye_from_enu; // to the right, up, along the view
+layout(location = 3) uniform vec4 sides;        // tangents of the picture's left, bottom, right, top
+layout(location = 4) uniform vec3 seen;         // pixels a tangent, across and up; the tolerance, px
 
 const int BLOCKS = PATCH_CELLS / BLOCK_CELLS;
 const float EARTH_M = 6.4e6; // at most
@@ -38,12 +41,12 @@ vec3 place_of(ivec2 post, float height, out vec3 up)
 // `reach_m`.
 float pixels_a_metre(vec3 enu, vec3 up, float reach_m, out float ret_most)
 {
-    vec4 at = field_clip(enu), rise = scene.clip_from_enu * vec4(up, 0.0);
+    vec3 at = eye_from_enu * enu, rise = eye_from_enu * up;
     float away = length(enu), near = reach_m / away;
-    float along = max(at.w, 0.25 * away); // beside and behind the eye, too
-    vec2 change = seen.xy * (rise.xy * along - at.xy * rise.w) / along;
+    float along = max(at.z, 0.25 * away); // beside and behind the eye, too
+    vec2 change = seen.xy * (rise.xy * along - at.xy * rise.z) / along;
     float across = length(change);
-    ret_most = near < 0.9 ? (across + seen.z * near) / (along * (1.0 - near)) : 1e9;
+    ret_most = near < 0.9 ? (across + seen.x * near) / (along * (1.0 - near)) : 1e9;
     return across / along;
 }
 
@@ -52,8 +55,8 @@ vec4 errors_of(ivec2 at)
     return texelFetch(block_errors, ivec3(clamp(at, ivec2(0), ivec2(BLOCKS - 1)), of_patch[0].w), 0);
 }
 
-// Segments of an edge, and how far below it the skirt has to reach: as far as the two edges of a
-// seam are from the ground, both within the tolerance.
+// Segments of an edge, and how far down its skirt reaches: farther than the two edges of a seam are
+// apart, both within the tolerance; from the lowest of the block on, for the skirt's foot is level.
 float segments_of(int edge)
 {
     ivec2 at = of_block[0].xy, way = ivec2(edge & 1 ^ 1, edge & 1) * (edge < 2 ? -1 : 1);
@@ -62,13 +65,15 @@ float segments_of(int edge)
     vec3 enu = place_of(post, texelFetch(patch_heights, ivec3(post, of_patch[0].w), 0).r, up);
     float most, pixels = pixels_a_metre(enu, up, half_edge_m(), most);
     vec4 errors = max(errors_of(at), errors_of(at + way));
-    float coarser = dot(vec4(lessThan(errors * most, vec4(seen.w))), vec4(1.0));
+    float coarser = dot(vec4(lessThan(errors * most, vec4(seen.z))), vec4(1.0));
     if (of_block[0].z >= 0)
-        skirt_m = min(2.0 * seen.w / max(pixels, 1e-6), half_edge_m());
+        foot_m = texelFetch(block_ranges, ivec3(at, of_patch[0].w), 0).r -
+                 min(2.0 * seen.z / max(pixels, 1e-6), half_edge_m());
     return max(float(BLOCK_CELLS) * exp2(-coarser), 2.0);
 }
 
-bool is_out_of_sight(vec4 side)
+// Beyond the left, bottom, right or top.
+bool is_out_of_sight(int side)
 {
     ivec2 post = of_block[0].xy * BLOCK_CELLS + BLOCK_CELLS / 2;
     vec2 range = texelFetch(block_ranges, ivec3(of_block[0].xy, of_patch[0].w), 0).rg;
@@ -76,7 +81,9 @@ bool is_out_of_sight(vec4 side)
     vec3 enu = place_of(post, 0.5 * (range.x + range.y), up);
     float across = 1.415 * half_edge_m(), high = 0.5 * (range.y - range.x);
     float radius = sqrt(across * across + high * high) + across * across / EARTH_M;
-    return dot(side.xyz, enu) < -radius;
+    vec3 at = eye_from_enu * enu;
+    float beyond = at[side & 1] - sides[side] * at.z;
+    return (side < 2 ? -beyond : beyond) > radius * sqrt(1.0 + sides[side] * sides[side]);
 }
 
 // Along the field's edge there is nothing to be joined.
@@ -92,7 +99,7 @@ void main()
     int side = of_block[0].z, edge = gl_InvocationID;
     tile = of_patch[0];
     block = of_block[0];
-    bool shown = !is_out_of_sight(scene.planes[edge]) && !is_at_the_end(side);
+    bool shown = !is_out_of_sight(edge) && !is_at_the_end(side);
     segments[gl_InvocationID] =
         !shown ? 0.0 : side < 0 ? segments_of(edge) : edge == 1 ? segments_of(side) : 1.0;
     barrier();

@@ -4,7 +4,7 @@ layout(quads, equal_spacing, ccw) in;
 
 patch in ivec4 tile;
 patch in ivec3 block;
-patch in float skirt_m;
+patch in float foot_m;
 
 layout(binding = 9) uniform sampler2DArray patch_heights;
 
@@ -17,9 +17,7 @@ void main()
         steps = (side & 1) == 0 ? ivec2(side == 0 ? 0 : BLOCK_CELLS, steps.x)
                                 : ivec2(steps.x, side == 1 ? 0 : BLOCK_CELLS);
     ivec2 post = block.xy * BLOCK_CELLS + steps;
-    float height = texelFetch(patch_heights, ivec3(post, tile.w), 0).r;
-    if (foot)
-        height -= skirt_m;
+    float height = foot ? foot_m : texelFetch(patch_heights, ivec3(post, tile.w), 0).r;
     ivec2 halves = tile.xy + post * tile.z + 2 * ivec2(FIELD_COL, FIELD_ROW);
     gl_Position = field_clip(field_enu_of_difference(normal_difference(FIELD_PANE, halves, 0), height));
 }
