@@ -6,10 +6,12 @@
 #include "render/renderer.h"
 #include "render/scene.h"
 #include "render/technique.h"
+#include "render/technique_persistent_grid.h"
 #include "render/technique_reference.h"
 
 const struct technique_ops *const techniques[] = {
     &technique_reference,
+    &technique_persistent_grid,
     NULL,
 };
 

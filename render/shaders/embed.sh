@@ -13,6 +13,8 @@ shared_of()
     shade*) cat "$folder/common.glsl" "$folder/images.glsl" "$folder/shade.glsl" ;;
     mesh.* | raster*) cat "$folder/common.glsl" "$folder/raster.glsl" ;;
     reach.* | select.*) cat "$folder/common.glsl" "$folder/blocks.glsl" ;;
+    technique_persistent_grid*)
+        cat "$folder/common.glsl" "$folder/field.glsl" "$folder/technique_persistent_grid.glsl" ;;
     technique_*) cat "$folder/common.glsl" "$folder/field.glsl" ;;
     *) cat "$folder/common.glsl" ;;
     esac
@@ -32,6 +34,7 @@ check()
             printf '#define BLOCK 8\n#define TABLE 32\n#define DRAWS 2\n#define BLOCKS_A_DRAW 9\n'
             printf '#define FIELD_COL 128\n#define FIELD_ROW 128\n#define FIELD_CELLS 256\n'
             printf '#define FIELD_PANE 1\n#define GRID_CELLS 128\n'
+            printf '#define CORNERS 24\n#define WARP 1\n#define EDGES 1\n'
             printf '#define SAMPLE_PLACES vec2(0.25), vec2(0.75)\n#define IMAGE_TAPS 4\n'
             shared_of "$1"
             cat "$1"
