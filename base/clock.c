@@ -39,6 +39,16 @@ void clock_sleep_until(nsec_t until_ns)
         ;
 }
 
+nsec_t clock_tick_near(nsec_t time_ns, nsec_t monotonic_ns, nsec_t realtime_ns, nsec_t period_ns,
+                       uint32_t *ret_number)
+{
+    nsec_t offset_ns = realtime_ns - monotonic_ns;
+    nsec_t number = (time_ns + offset_ns + period_ns / 2) / period_ns;
+    if (ret_number)
+        *ret_number = (uint32_t)number;
+    return number * period_ns - offset_ns;
+}
+
 int clock_parse_utc(const char *text, nsec_t *ret_realtime_ns)
 {
     struct tm tm = {0};

@@ -21,6 +21,13 @@ nsec_t clock_thread_cpu_ns(void);
 /* Sleeps until the monotonic time `until_ns`; returns at once if it has passed. */
 void clock_sleep_until(nsec_t until_ns);
 
+/* The nearest tick to a monotonic time, where ticks lie at whole multiples of a period since 1970
+ * by the system clock, which is `realtime_ns` when the monotonic one is `monotonic_ns`: programs
+ * whose system clocks agree have the same ticks. Returns its monotonic time; its number, which
+ * wraps, into `ret_number` (may be NULL). Pure. */
+nsec_t clock_tick_near(nsec_t time_ns, nsec_t monotonic_ns, nsec_t realtime_ns, nsec_t period_ns,
+                       uint32_t *ret_number);
+
 static inline double seconds_from_ns(nsec_t ns)
 {
     return (double)ns * 1e-9;

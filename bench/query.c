@@ -6,12 +6,13 @@
  * first 100 000 of them on a fresh handle, whose cache begins empty and holds all; the time
  * includes every tile's reading and decoding, the kernel's page cache is warm. Warm: all of them,
  * middle and best of nine. Then lines of sight of 100 km between random places near the ground,
- * warm. */
+ * over the geoid, warm. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 
 #include "base/clock.h"
+#include "geo/egm96.h"
 #include "geo/geographic.h"
 #include "terrain/database.h"
 #include "terrain/query.h"
@@ -61,8 +62,13 @@ static void ask_again(struct query *query, size_t batch, unsigned flags, const c
            PLACES * 1e-6 / seconds[RUNS / 2], PLACES * 1e-6 / seconds[0]);
 }
 
+static double undulation_m(struct geoid *geoid, const struct geodetic *at)
+{
+    return geoid_undulation_m(geoid, at->lat_deg, at->lon_deg);
+}
+
 /* From 200 m above one place to 50 m above another. */
-static void look(struct query *query, const struct terrain_facts *facts)
+static void look(struct query *query, struct geoid *geoid, const struct terrain_facts *facts)
 {
     double *us = calloc(LINES, sizeof(*us));
     int hits = 0;
@@ -76,8 +82,8 @@ static void look(struct query *query, const struct terrain_facts *facts)
         struct query_sight sight;
         query_height(query, a.lat_deg, a.lon_deg, 0, &from);
         query_height(query, b.lat_deg, b.lon_deg, 0, &to);
-        a.height_m = 200.0 + (isnan(from.height_m) ? 0.0 : from.height_m);
-        b.height_m = 50.0 + (isnan(to.height_m) ? 0.0 : to.height_m);
+        a.height_m = 200.0 + undulation_m(geoid, &a) + (isnan(from.height_m) ? 0.0 : from.height_m);
+        b.height_m = 50.0 + undulation_m(geoid, &b) + (isnan(to.height_m) ? 0.0 : to.height_m);
         nsec_t begin = clock_thread_cpu_ns();
         if (query_sight(query, &a, &b, 0, &sight) < 0)
             exit(1);
@@ -100,13 +106,15 @@ int main(int argc, char **argv)
     struct terrain_facts facts;
     struct tile_cache_counts counts;
     struct query *query = NULL;
+    struct geoid *geoid = NULL;
     size_t batch = argc > 2 ? strtoul(argv[2], NULL, 10) : 4096;
     if (argc < 2 || batch == 0) {
         fprintf(stderr, "usage: bench_query DB [BATCH]\n");
         return 64;
     }
     if (database_source_open(argv[1], CACHE_TILES, &source, &diag) < 0 ||
-        query_create(&(struct query_params){.database = source}, &query) < 0) {
+        egm96_open(&geoid, &diag) < 0 ||
+        query_create(&(struct query_params){.database = source, .geoid = geoid}, &query) < 0) {
         fprintf(stderr, "bench_query: %s\n", diag.text);
         return 1;
     }
@@ -121,8 +129,9 @@ int main(int argc, char **argv)
     ask_again(query, batch, 0, "heights");
     ask_again(query, batch, QUERY_NORMAL, "heights and normals");
     ask_again(query, 1, 0, "heights, one by one");
-    look(query, &facts);
+    look(query, geoid, &facts);
     query_destroy(query);
+    geoid_close(geoid);
     terrain_source_destroy(source);
     return 0;
 }

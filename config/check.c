@@ -2,6 +2,7 @@
  * complaint stands at the line that the operator has to change. */
 #include "config/check_can.h"
 
+#include <arpa/inet.h>
 #include <errno.h>
 #include <math.h>
 #include <net/if.h>
@@ -89,6 +90,29 @@ static void check_address(struct document *document, yaml_node_t *node, const ch
                           "%s is '%s'; it must be a numeric address and a port, like "
                           "127.0.0.1:5500 or [::1]:5500",
                           shown, text);
+}
+
+static void check_swap_lock(struct document *document, const struct config_swap_lock *lock)
+{
+    yaml_node_t *node = section(document, "swap_lock");
+    union address group;
+    struct in_addr interface;
+    if (!lock->group[0])
+        return;
+    if (address_parse(lock->group, &group, NULL) < 0 || address_port(&group) == 0 ||
+        group.any.sa_family != AF_INET || !IN_MULTICAST(ntohl(group.v4.sin_addr.s_addr)))
+        document_complain(document, document_get(document, node, "group", NULL),
+                          "swap_lock.group is '%s'; it must be a multicast group and a port, like "
+                          "239.192.0.1:8010",
+                          lock->group);
+    if (inet_pton(AF_INET, lock->interface, &interface) != 1)
+        document_complain(document, document_get(document, node, "interface", NULL),
+                          "swap_lock.interface is '%s'; it must be the address of an interface of "
+                          "this machine, like 192.168.10.21",
+                          lock->interface);
+    if (lock->channel > lock->channels)
+        document_complain(document, either(document, node, "channel", "channels"),
+                          "swap_lock: channel %u of %u channels", lock->channel, lock->channels);
 }
 
 /* A state comes every five seconds at the least; IEEE 1278.1 gives up after 2.4 times that. */
@@ -276,8 +300,10 @@ static void check_dis(const struct source_check *check)
 static void check_can(const struct source_check *check)
 {
     struct config_source *source = check->source;
-    if (source->type != CONFIG_SOURCE_CANAEROSPACE)
+    if (source->type != CONFIG_SOURCE_CANAEROSPACE) {
         refuse_key(check, "allow_transmit", "has nothing to transmit");
+        refuse_key(check, "redundancy", "knows no redundancy channels");
+    }
     if (source->type == CONFIG_SOURCE_CAN_TABLE)
         document_check_can_table(check->document, check->node, check->index, source);
     else
@@ -376,6 +402,7 @@ static int check_sources(struct document *document, struct config *config)
 int document_check_meaning(struct document *document, struct config *config)
 {
     check_channel(document, &config->channel);
+    check_swap_lock(document, &config->swap_lock);
     check_terrain(document, &config->terrain);
     check_environment(document, &config->environment);
     document_check_entities(document, config);

@@ -58,6 +58,14 @@ struct config_display {
     bool program_cache; /* shaders are kept, compiled, from run to run */
 };
 
+/* Channels of one simulator that show the same frame at the same time. */
+struct config_swap_lock {
+    char group[ADDRESS_TEXT_MAX];     /* of multicast; empty: this channel stands alone */
+    char interface[ADDRESS_TEXT_MAX]; /* its address */
+    unsigned channel, channels;       /* from 1; of how many */
+    unsigned timeout_ms;              /* that a frame waits for the others */
+};
+
 enum config_technique {
     CONFIG_TECHNIQUE_CLIPMAP, /* the only one that this version draws with */
     CONFIG_TECHNIQUE_CLIPMAP_CLASSIC,
@@ -82,7 +90,7 @@ struct config_environment {
     double visibility_m;
     char time_utc[CONFIG_TEXT_MAX]; /* ISO 8601, empty: now */
     nsec_t time_utc_ns;             /* since 1970; 0 where time_utc is empty */
-    bool atmosphere;
+    bool atmosphere;                /* false: no haze, whatever the visibility */
 };
 
 enum config_source_type {
@@ -130,6 +138,7 @@ struct config_source {
     struct dis_id entity_id;              /* the same */
     unsigned exercise;                    /* dis only; 0 = any */
     bool allow_transmit;                  /* canaerospace only */
+    unsigned redundancy;                  /* canaerospace only: the channel */
     struct config_can_field *fields;      /* can-table only; fields_count of them, owned */
     unsigned fields_count;
     enum config_altitude altitude;
@@ -184,6 +193,7 @@ struct config_record {
 struct config {
     struct config_channel channel;
     struct config_display display;
+    struct config_swap_lock swap_lock;
     struct config_terrain terrain;
     struct config_environment environment;
     struct config_source *sources; /* sources_count of them, owned */
@@ -218,6 +228,9 @@ int config_load(const char *path, struct config *ret_config, struct config_error
 /* Legal on zeroed memory. */
 void config_finish(struct config *config);
 void config_errors_finish(struct config_errors *errors);
+
+/* Whether two sources of loaded configurations say the same. */
+bool config_source_same(const struct config_source *a, const struct config_source *b);
 
 /* The table of a source of type can-table. */
 struct can_table config_can_table(const struct config_source *source);

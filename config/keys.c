@@ -2,6 +2,8 @@
 
 #include <string.h>
 
+#include "io/canaerospace.h"
+
 /* Modbus carries visibility in tens of metres in 16 bits: hence its upper limit. A frustum edge at
  * 90 degrees would lie at infinity. */
 static const struct config_key keys[] = {
@@ -24,6 +26,11 @@ static const struct config_key keys[] = {
     {"display.monitor", ""},
     {"display.fullscreen", "false"},
     {"display.program_cache", "true"},
+    {"swap_lock.group", ""},
+    {"swap_lock.interface", "127.0.0.1"},
+    {"swap_lock.channel", "1", 1, 16, NULL},
+    {"swap_lock.channels", "2", 2, 16, NULL},
+    {"swap_lock.timeout_ms", "50", 5, 1000, "ms"},
     {"terrain.database", ""},
     {"terrain.geoid", "egm96"},
     {"terrain.pixel_error", "1.0", 0.1, 100, "pixels"},
@@ -50,6 +57,7 @@ static const struct config_key keys[] = {
     {"sources[].entity", "1:1:1"},
     {"sources[].exercise", "0", 0, 255, NULL},
     {"sources[].allow_transmit", "false"},
+    {"sources[].redundancy", "0", 0, CANAEROSPACE_REDUNDANCY_MAX, NULL},
     {"sources[].fields[].id", NULL},
     {"sources[].fields[].field", NULL},
     {"sources[].fields[].bit", "0", 0, 63, NULL},

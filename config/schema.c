@@ -54,6 +54,15 @@ static const cyaml_schema_field_t display_fields[] = {
     CYAML_FIELD_END,
 };
 
+static const cyaml_schema_field_t swap_lock_fields[] = {
+    CYAML_FIELD_STRING("group", OPTIONAL, struct config_swap_lock, group, 0),
+    CYAML_FIELD_STRING("interface", OPTIONAL, struct config_swap_lock, interface, 0),
+    CYAML_FIELD_UINT("channel", OPTIONAL, struct config_swap_lock, channel),
+    CYAML_FIELD_UINT("channels", OPTIONAL, struct config_swap_lock, channels),
+    CYAML_FIELD_UINT("timeout_ms", OPTIONAL, struct config_swap_lock, timeout_ms),
+    CYAML_FIELD_END,
+};
+
 static const cyaml_strval_t technique_words[] = {
     {"clipmap", CONFIG_TECHNIQUE_CLIPMAP},
     {"clipmap-classic", CONFIG_TECHNIQUE_CLIPMAP_CLASSIC},
@@ -187,6 +196,7 @@ static const cyaml_schema_field_t source_fields[] = {
     CYAML_FIELD_STRING("entity", OPTIONAL, struct config_source, entity, 0),
     CYAML_FIELD_UINT("exercise", OPTIONAL, struct config_source, exercise),
     CYAML_FIELD_BOOL("allow_transmit", OPTIONAL, struct config_source, allow_transmit),
+    CYAML_FIELD_UINT("redundancy", OPTIONAL, struct config_source, redundancy),
     CYAML_FIELD_SEQUENCE("fields", CYAML_FLAG_POINTER | OPTIONAL, struct config_source, fields,
                          &can_field_entry, 0, CAN_TABLE_MAX),
     CYAML_FIELD_ENUM("altitude", WORD, struct config_source, altitude, altitude_words,
@@ -260,6 +270,7 @@ static const cyaml_schema_field_t record_fields[] = {
 static const cyaml_schema_field_t top_fields[] = {
     CYAML_FIELD_MAPPING("channel", OPTIONAL, struct config, channel, channel_fields),
     CYAML_FIELD_MAPPING("display", OPTIONAL, struct config, display, display_fields),
+    CYAML_FIELD_MAPPING("swap_lock", OPTIONAL, struct config, swap_lock, swap_lock_fields),
     CYAML_FIELD_MAPPING("terrain", OPTIONAL, struct config, terrain, terrain_fields),
     CYAML_FIELD_MAPPING("environment", OPTIONAL, struct config, environment, environment_fields),
     CYAML_FIELD_SEQUENCE("sources", CYAML_FLAG_POINTER | OPTIONAL, struct config, sources,

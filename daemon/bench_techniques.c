@@ -1,5 +1,6 @@
 #include "daemon/bench_techniques.h"
 
+#include <assert.h>
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -15,7 +16,7 @@
 #include "daemon/replay.h"
 #include "daemon/technique_report.h"
 
-#define ENTRIES_MOST  16
+#define ENTRIES_MOST  32
 #define SURVEY_FRAMES 12 /* on which settings are chosen */
 #define SURVEY_POINTS 7  /* settings of each knob */
 #define REFINE_STEPS  4
@@ -66,22 +67,22 @@ static const struct argp_option known[] = {
 static void list_techniques(char *ret, size_t size)
 {
     size_t used = (size_t)snprintf(ret, size, "clipmap");
-    for (const struct technique_ops *const *ops = techniques; *ops; ops++)
+    for (const struct technique_ops *const *ops = techniques; *ops && used < size; ops++)
         used += (size_t)snprintf(ret + used, size - used, ", %s", (*ops)->name);
 }
 
 static void add_technique(struct argp_state *state, const char *name)
 {
     struct techniques_options *options = state->input;
-    char list[256];
+    char list[1024];
     list_techniques(list, sizeof(list));
     if (strcmp(name, "clipmap") != 0 && !technique_find(name))
         argp_error(state, "there is no technique \"%s\"; there are %s", name, list);
     for (int i = 0; i < options->count; i++)
         if (strcmp(options->names[i], name) == 0)
             return;
-    if (options->count < ENTRIES_MOST)
-        options->names[options->count++] = name;
+    assert(options->count < ENTRIES_MOST); /* each once, and there are not so many */
+    options->names[options->count++] = name;
 }
 
 static void add_all(struct argp_state *state)

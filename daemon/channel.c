@@ -19,10 +19,12 @@
 struct channel {
     struct gl_context *context; /* NULL where a window brings its own */
     struct window *window;
+    bool holds;
     struct gl_facts gl;
     struct renderer *renderer;
     struct channel_geometry geometry;
     double visibility_m;
+    bool clear_air;
     struct view last; /* that was sane */
     char note[160];
 };
@@ -99,7 +101,9 @@ int channel_create(const struct channel_params *params, struct channel **ret_cha
         return diag_set(diag, -ENOMEM, "no memory for the channel");
     channel->geometry = params->geometry;
     channel->visibility_m = params->visibility_m;
+    channel->clear_air = params->clear_air;
     channel->window = params->window;
+    channel->holds = params->holds;
     view_from_pose(&(struct pose){0}, &channel->geometry, &channel->last);
     use_program_cache(params->cache_programs);
     if (channel->window)
@@ -165,12 +169,13 @@ void channel_draw(struct channel *channel, const struct pose *pose, const struct
         renderer_wait(channel->renderer);
     nsec_t start_ns = clock_monotonic_ns(), start_cpu_ns = clock_thread_cpu_ns();
     view.near_m = near_of(&channel->geometry);
-    view.visibility_m = channel->visibility_m;
+    view.visibility_m = channel->clear_air ? INFINITY : channel->visibility_m;
     sun_direction_enu(utc_ns, view.eye.lat_deg, view.eye.lon_deg, view.sun_enu);
     renderer_draw(channel->renderer, &view);
     if (!channel->gl.software)
         expect(channel, next, complete);
-    if (channel->window)
+    ret_frame->draw_cpu_ms = milliseconds_from_ns(clock_thread_cpu_ns() - start_cpu_ns);
+    if (channel->window && !channel->holds)
         window_show(channel->window, renderer_framebuffer(channel->renderer));
     renderer_finish(channel->renderer, &ret_frame->renderer);
     ret_frame->finished_ns = clock_monotonic_ns();
@@ -179,6 +184,12 @@ void channel_draw(struct channel *channel, const struct pose *pose, const struct
     ret_frame->view = view;
     if (channel->gl.software)
         expect(channel, next, complete);
+}
+
+void channel_show(struct channel *channel)
+{
+    if (channel->window && channel->holds)
+        window_show(channel->window, renderer_framebuffer(channel->renderer));
 }
 
 void channel_set_geometry(struct channel *channel, const struct channel_geometry *geometry)

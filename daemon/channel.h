@@ -21,8 +21,10 @@ struct channel_params {
     unsigned cache_mib; /* of decoded tiles of the database */
     struct dig *dig; /* what another thread digs in it, shown at once; NULL = what is in the file */
     double visibility_m;
+    bool clear_air;        /* no haze, whatever the visibility */
     bool cache_programs;   /* compiled shaders are kept from run to run */
     struct window *window; /* shows the frames too; NULL = headless */
+    bool holds;            /* not before channel_show() */
 };
 
 /* What is said where a frame's renderer has failed. */
@@ -32,8 +34,9 @@ struct channel_params {
 struct channel_frame {
     struct view view;
     struct renderer_frame renderer;
-    double frame_ms; /* from taking the pose to the finished frame */
-    double cpu_ms;   /* of the calling thread */
+    double frame_ms;    /* from taking the pose to the finished frame */
+    double cpu_ms;      /* of the calling thread */
+    double draw_cpu_ms; /* of it, until all is commanded: before the wait for the GPU */
     nsec_t finished_ns;
 };
 
@@ -53,6 +56,9 @@ void channel_destroy(struct channel *channel);
  * is not part of frame_ms. */
 void channel_draw(struct channel *channel, const struct pose *pose, const struct pose *next,
                   nsec_t utc_ns, bool complete, struct channel_frame *ret_frame);
+
+/* Shows the frame that was drawn last, where the channel holds it. */
+void channel_show(struct channel *channel);
 
 /* From the next frame on; must be one that channel_geometry_check() takes. */
 void channel_set_geometry(struct channel *channel, const struct channel_geometry *geometry);

@@ -69,11 +69,11 @@ static void print_json(const char *path, const struct config_errors *errors)
 {
     json_t *list = json_array();
     for (size_t i = 0; i < errors->count; i++)
-        json_array_append_new(list, json_pack("{s:i,s:i,s:s}", "line", (int)errors->list[i].line,
+        json_array_append_new(list, json_pack("{s:i,s:i,s:o}", "line", (int)errors->list[i].line,
                                               "column", (int)errors->list[i].column, "message",
-                                              errors->list[i].text));
-    json_t *object = json_pack("{s:s,s:o,s:I}", "file", path, "errors", list, "dropped",
-                               (json_int_t)errors->dropped);
+                                              cli_json_text(errors->list[i].text)));
+    json_t *object = json_pack("{s:o,s:o,s:I}", "file", cli_json_text(path), "errors", list,
+                               "dropped", (json_int_t)errors->dropped);
     json_dumpf(object, stdout, JSON_INDENT(2));
     putchar('\n');
     json_decref(object);

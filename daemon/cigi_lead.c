@@ -12,7 +12,7 @@
 
 const struct cigi_view *cigi_lead_view(const struct cigi_lead *lead)
 {
-    return cigi_scene_view(cigi_session_scene(lead->session), lead->view);
+    return cigi_scene_view(cigi_session_scene(lead->session), (uint16_t)lead->slot->config->view);
 }
 
 /* What cannot be drawn is told to the host once, and leaves the view as it was. */
@@ -33,6 +33,7 @@ static void use_view(struct cigi_lead *lead, const struct cigi_view *view,
         .mirror_x = d->mirror & CIGI_MIRROR_HORIZONTAL,
         .mirror_y = d->mirror & CIGI_MIRROR_VERTICAL,
         .near_m = (double)d->near_m,
+        .far_m = (double)d->far_m,
     };
     if (!d->orthographic && channel_geometry_check(&geometry, &diag) == 0) {
         *ret_geometry = geometry;
@@ -40,17 +41,17 @@ static void use_view(struct cigi_lead *lead, const struct cigi_view *view,
     }
     if (memcmp(d, &lead->not_drawn, sizeof(*d)) == 0)
         return;
-    const struct log_about source = {.source = lead->source};
+    const char *name = lead->slot->config->name;
     lead->not_drawn = *d;
     cigi_session_say(lead->session, CIGI_SAY_REFUSED, diag.text);
-    log_write(NULL, LOG_LEVEL_WARNING, &source, "source %s: view %u: %s", lead->source, d->view,
-              diag.text);
+    log_write(NULL, LOG_LEVEL_WARNING, &(struct log_about){.source = name},
+              "source %s: view %u: %s", name, d->view, diag.text);
 }
 
 /* Only what the host has changed is taken, so that the operator's controls hold until then. */
 static void use_air(struct cigi_lead *lead, const struct cigi_atmosphere *air)
 {
-    struct service *service = lead->service;
+    struct service *service = lead->slot->service;
     double visibility_m =
         air->enable ? fmin(fmax((double)air->visibility_m, VISIBILITY_MIN_M), VISIBILITY_MAX_M)
                     : 0.0;
@@ -63,11 +64,17 @@ static void use_air(struct cigi_lead *lead, const struct cigi_atmosphere *air)
 
 static void use_sky(struct cigi_lead *lead, const struct cigi_scene *scene)
 {
-    struct service *service = lead->service;
+    struct service *service = lead->slot->service;
     nsec_t offset_ns = scene->has_utc ? scene->utc_ns - scene->now_ns : 0;
-    if (scene->has_utc == lead->has_utc && llabs(offset_ns - lead->utc_offset_ns) < UTC_STEP_NS)
+    bool stands = scene->has_utc && !scene->celestial.ephemeris;
+    bool same = stands ? scene->utc_ns == lead->utc_ns
+                       : llabs(offset_ns - lead->utc_offset_ns) < UTC_STEP_NS;
+    /* Time that stands is set with every frame, unless the operator has set another. */
+    bool held = stands && service->input.utc_offset_ns == lead->utc_offset_ns;
+    if (scene->has_utc == lead->has_utc && same && !held)
         return;
     lead->has_utc = scene->has_utc;
+    lead->utc_ns = scene->utc_ns;
     lead->utc_offset_ns = offset_ns;
     if (scene->has_utc)
         service_set_time(service, offset_ns);
@@ -75,38 +82,52 @@ static void use_sky(struct cigi_lead *lead, const struct cigi_scene *scene)
         service_reset_time(service);
 }
 
-static void publish_traffic(struct cigi_lead *lead)
-{
-    struct service *service = lead->service;
-    const struct cigi_scene *scene = cigi_session_scene(lead->session);
-    struct traffic *traffic = &lead->traffic;
-    size_t before = traffic->count;
-    traffic->time_ns = scene->now_ns;
-    traffic->count = cigi_scene_seen(scene, cigi_lead_view(lead)->entity, service_ground(service),
-                                     traffic->list, TRAFFIC_MAX);
-    if (service->render && traffic->count + before > 0)
-        render_thread_publish_traffic(service->render, traffic);
-}
-
 void cigi_lead_take(struct cigi_lead *lead)
 {
+    struct service *service = lead->slot->service;
     const struct cigi_scene *scene = cigi_session_scene(lead->session);
-    use_view(lead, cigi_lead_view(lead), &lead->service->input.geometry);
+    if (service->leader && service->leader != lead)
+        cigi_lead_drop(service->leader);
+    service->leader = lead;
+    use_view(lead, cigi_lead_view(lead), &service->input.geometry);
     use_air(lead, &scene->atmosphere);
     use_sky(lead, scene);
-    publish_traffic(lead);
-    lead->leads = true;
+}
+
+void cigi_lead_take_all(struct cigi_lead *lead)
+{
+    lead->visibility_m = 0.0;
+    lead->has_utc = false;
+    lead->utc_offset_ns = 0;
+    cigi_lead_take(lead);
+}
+
+void cigi_lead_traffic(struct cigi_lead *lead, nsec_t receive_ns, nsec_t valid_ns, nsec_t frame_ns)
+{
+    struct service *service = lead->slot->service;
+    size_t before = lead->traffic.count;
+    traffic_motion_take(&lead->motion, &service->input.motion, cigi_session_scene(lead->session),
+                        cigi_lead_view(lead)->entity, service_ground(service), receive_ns,
+                        valid_ns);
+    traffic_motion_show(&lead->motion, frame_ns, service->input.live, &lead->traffic);
+    if (service->render && lead->traffic.count + before > 0)
+        render_thread_publish_traffic(service->render, &lead->traffic);
 }
 
 void cigi_lead_drop(struct cigi_lead *lead)
 {
     static const struct cigi_atmosphere no_air;
     static const struct cigi_scene no_sky;
-    lead->service->input.geometry = lead->service->render_params.channel.geometry;
+    struct service *service = lead->slot->service;
+    if (service->leader != lead)
+        return;
+    service->leader = NULL;
+    service->input.geometry = service->render_params.channel.geometry;
+    service->input.wait_ns = 0;
     use_air(lead, &no_air);
     use_sky(lead, &no_sky);
     lead->traffic.count = 0;
-    if (lead->service->render)
-        render_thread_publish_traffic(lead->service->render, &lead->traffic);
-    lead->leads = false;
+    traffic_motion_clear(&lead->motion);
+    if (service->render)
+        render_thread_publish_traffic(service->render, &lead->traffic);
 }

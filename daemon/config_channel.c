@@ -23,6 +23,7 @@ void config_to_channel(const struct config *config, struct channel_params *ret_p
         .pixel_error = config->terrain.pixel_error,
         .cache_mib = config->terrain.cache_mib,
         .visibility_m = config->environment.visibility_m,
+        .clear_air = !config->environment.atmosphere,
         .cache_programs = config->display.program_cache,
         .window = window,
     };

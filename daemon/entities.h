@@ -9,10 +9,18 @@
 /* What else a host has in the air and on the ground, at the time of a frame. */
 #define TRAFFIC_MAX ENTITIES_MAX
 
+struct traffic_entity {
+    uint16_t type; /* as struct cigi_seen has them */
+    bool enumerated;
+    uint8_t domain, alpha;
+    double ecef_m[3], ecef_mps[3];
+    struct quaternion ecef_from_body;
+};
+
 struct traffic {
-    nsec_t time_ns; /* for which the places hold */
+    nsec_t time_ns; /* of the frame for which the places hold */
     size_t count;
-    struct cigi_seen list[TRAFFIC_MAX];
+    struct traffic_entity list[TRAFFIC_MAX];
 };
 
 /* How types are drawn; the list is the configuration's. A type that is not in it is an aircraft of
@@ -23,6 +31,7 @@ struct entity_types {
     unsigned count;
 };
 
-/* Fills as many as the traffic has. Any thread; allocates nothing. */
+/* Fills as many as the traffic has, carried on to a frame that is another than they were placed
+ * for, by at most 100 ms. Any thread; allocates nothing. */
 void entities_from_traffic(const struct traffic *traffic, const struct entity_types *types,
-                           struct render_entity *ret_entities);
+                           nsec_t frame_ns, struct render_entity *ret_entities);

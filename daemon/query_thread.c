@@ -1,21 +1,19 @@
 #include "daemon/query_thread.h"
 
+#include <assert.h>
 #include <errno.h>
 #include <math.h>
-#include <pthread.h>
-#include <semaphore.h>
 #include <stdlib.h>
-#include <string.h>
-#include <sys/eventfd.h>
+#include <sys/epoll.h>
 #include <unistd.h>
 
-#include "base/ring.h"
+#include "base/worker.h"
 #include "daemon/terrain_setup.h"
 #include "geo/geographic.h"
 #include "terrain/database.h"
 #include "terrain/query.h"
 
-#define ANSWERS_TOLD 32 /* at once: those behind a line of sight need not wait for all others */
+#define NICENESS 5 /* the picture comes first */
 
 /* A view of the ground for one thread. */
 struct ground {
@@ -28,17 +26,18 @@ struct job {
     struct cigi_question question;
 };
 
+struct answerer {
+    struct ground ground; /* its thread's */
+    struct worker *worker;
+};
+
 struct query_thread {
     struct terrain_setup terrain;
-    struct ground own;  /* the thread's */
-    struct ground loop; /* the event loop's */
-    struct ring jobs, replies;
-    unsigned waiting; /* jobs without a reply; the event loop's */
-    sem_t woken;
-    int event_fd;
-    atomic_bool stopping;
-    bool has_thread;
-    pthread_t thread;
+    struct answerer answerers[QUERY_THREADS_MAX];
+    unsigned count;
+    unsigned taken_from; /* whose answers are taken: all that are there, before the next one's */
+    int event_fd;        /* an epoll of theirs */
+    struct ground loop;  /* the event loop's */
 };
 
 static double undulation_m(const struct ground *ground, double lat_deg, double lon_deg)
@@ -83,48 +82,26 @@ static void ask_sight(struct ground *ground, const struct cigi_question *questio
         take_details(&sight.ground, answer);
 }
 
-static void answer_job(struct query_thread *thread, const struct job *job)
+static void answer_job(void *user, const void *data, void *ret_reply)
 {
+    struct ground *ground = &((struct answerer *)user)->ground;
+    const struct job *job = data;
     const struct cigi_question *question = &job->question;
-    struct query_reply reply = {.asker = job->asker, .token = question->token};
+    struct query_reply *reply = ret_reply;
+    *reply = (struct query_reply){.asker = job->asker, .token = question->token};
     switch (question->ask) {
     case CIGI_ASK_GROUND:
-        ask_ground(&thread->own, question, &reply.answer);
+        ask_ground(ground, question, &reply->answer);
         break;
     case CIGI_ASK_SIGHT:
-        ask_sight(&thread->own, question, &reply.answer);
+        ask_sight(ground, question, &reply->answer);
         break;
     case CIGI_ASK_SEA:
-        reply.answer.known = true;
-        reply.answer.height_m =
-            undulation_m(&thread->own, question->from.lat_deg, question->from.lon_deg);
+        reply->answer.known = true;
+        reply->answer.height_m =
+            undulation_m(ground, question->from.lat_deg, question->from.lon_deg);
         break;
     }
-    ring_put(&thread->replies, &reply); /* there is room: no more than `waiting` are in it */
-}
-
-/* Answers a few jobs. False where there are none. */
-static bool answer_some(struct query_thread *thread)
-{
-    struct job job;
-    unsigned count = 0;
-    while (count < ANSWERS_TOLD && ring_take(&thread->jobs, &job)) {
-        answer_job(thread, &job);
-        count++;
-    }
-    if (count > 0)
-        eventfd_write(thread->event_fd, 1);
-    return count > 0;
-}
-
-static void *query_main(void *data)
-{
-    struct query_thread *thread = data;
-    while (!atomic_load(&thread->stopping))
-        if (!answer_some(thread))
-            while (sem_wait(&thread->woken) < 0 && errno == EINTR)
-                ;
-    return NULL;
 }
 
 /* Tiles that come are found there by the next question. */
@@ -165,29 +142,27 @@ static int open_terrain(struct query_thread *thread, const struct query_thread_p
         database_source_share_dig(source, params->dig);
     if (source->ops->stream)
         r = source->ops->stream(source, on_arrival, NULL, diag);
-    if (r == 0)
-        r = open_ground(&thread->terrain, params->geoid, &thread->own, diag);
-    if (r == 0)
-        r = open_ground(&thread->terrain, params->geoid, &thread->loop, diag);
-    return r;
+    return r < 0 ? r : open_ground(&thread->terrain, params->geoid, &thread->loop, diag);
 }
 
-static int start(struct query_thread *thread, const struct query_thread_params *params,
-                 struct diag *diag)
+static int start_answerer(struct query_thread *thread, const char *geoid, struct diag *diag)
 {
-    sem_init(&thread->woken, 0, 0);
-    thread->event_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
-    if (thread->event_fd < 0)
-        return diag_set(diag, -errno, "no event descriptor");
-    if (ring_init(&thread->jobs, sizeof(struct job), QUERY_WAITING_MAX) < 0 ||
-        ring_init(&thread->replies, sizeof(struct query_reply), QUERY_WAITING_MAX) < 0)
-        return diag_set(diag, -ENOMEM, "no memory for questions about the ground");
-    int r = open_terrain(thread, params, diag);
-    if (r < 0)
-        return r;
-    r = -pthread_create(&thread->thread, NULL, query_main, thread);
-    thread->has_thread = r == 0;
-    return r < 0 ? diag_set(diag, r, "cannot start the thread for questions: %s", strerror(-r)) : 0;
+    struct answerer *answerer = &thread->answerers[thread->count++];
+    const struct worker_params params = {.name = "otwd-query",
+                                         .job_size = sizeof(struct job),
+                                         .answer_size = sizeof(struct query_reply),
+                                         .capacity = QUERY_WAITING_MAX,
+                                         .niceness = NICENESS,
+                                         .work = answer_job,
+                                         .user = answerer};
+    struct epoll_event event = {.events = EPOLLIN};
+    int r = open_ground(&thread->terrain, geoid, &answerer->ground, diag);
+    if (r == 0)
+        r = worker_start(&params, &answerer->worker, diag);
+    if (r == 0 &&
+        epoll_ctl(thread->event_fd, EPOLL_CTL_ADD, worker_fd(answerer->worker), &event) < 0)
+        r = diag_set(diag, -errno, "no event descriptor");
+    return r;
 }
 
 int query_thread_start(const struct query_thread_params *params, struct query_thread **ret_thread,
@@ -196,12 +171,16 @@ int query_thread_start(const struct query_thread_params *params, struct query_th
     struct query_thread *thread = calloc(1, sizeof(*thread));
     if (!thread)
         return diag_set(diag, -ENOMEM, "no memory for questions about the ground");
-    int r = start(thread, params, diag);
+    assert(params->threads <= QUERY_THREADS_MAX);
+    thread->event_fd = epoll_create1(EPOLL_CLOEXEC);
+    int r = thread->event_fd < 0 ? diag_set(diag, -errno, "no event descriptor")
+                                 : open_terrain(thread, params, diag);
+    for (unsigned i = 0; r == 0 && i < (params->threads ? params->threads : 1); i++)
+        r = start_answerer(thread, params->geoid, diag);
     if (r < 0) {
         query_thread_stop(thread);
         return r;
     }
-    pthread_setname_np(thread->thread, "otwd-query");
     *ret_thread = thread;
     return 0;
 }
@@ -210,16 +189,12 @@ void query_thread_stop(struct query_thread *thread)
 {
     if (!thread)
         return;
-    atomic_store(&thread->stopping, true);
-    sem_post(&thread->woken);
-    if (thread->has_thread)
-        pthread_join(thread->thread, NULL);
-    close_ground(&thread->own);
+    for (unsigned i = 0; i < thread->count; i++) {
+        worker_stop(thread->answerers[i].worker);
+        close_ground(&thread->answerers[i].ground);
+    }
     close_ground(&thread->loop);
     terrain_setup_close(&thread->terrain);
-    ring_finish(&thread->jobs);
-    ring_finish(&thread->replies);
-    sem_destroy(&thread->woken);
     if (thread->event_fd >= 0)
         close(thread->event_fd);
     free(thread);
@@ -229,12 +204,11 @@ bool query_thread_ask(struct query_thread *thread, unsigned asker,
                       const struct cigi_question *question)
 {
     const struct job job = {.asker = asker, .question = *question};
-    if (thread->waiting == QUERY_WAITING_MAX)
-        return false;
-    ring_put(&thread->jobs, &job); /* there is room: no more than `waiting` are in it */
-    thread->waiting++;
-    sem_post(&thread->woken);
-    return true;
+    struct worker *idlest = thread->answerers[0].worker;
+    for (unsigned i = 1; i < thread->count; i++)
+        if (worker_waiting(thread->answerers[i].worker) < worker_waiting(idlest))
+            idlest = thread->answerers[i].worker;
+    return worker_ask(idlest, &job);
 }
 
 int query_thread_fd(const struct query_thread *thread)
@@ -244,15 +218,12 @@ int query_thread_fd(const struct query_thread *thread)
 
 bool query_thread_take(struct query_thread *thread, struct query_reply *ret_reply)
 {
-    eventfd_t count;
-    if (!ring_take(&thread->replies, ret_reply)) {
-        eventfd_read(thread->event_fd, &count);
-        /* One may have come before it was cleared. */
-        if (!ring_take(&thread->replies, ret_reply))
-            return false;
+    for (unsigned i = 0; i < thread->count; i++) {
+        if (worker_take(thread->answerers[thread->taken_from].worker, ret_reply))
+            return true;
+        thread->taken_from = (thread->taken_from + 1) % thread->count;
     }
-    thread->waiting--;
-    return true;
+    return false;
 }
 
 int query_thread_ground_at(void *data, double lat_deg, double lon_deg, double *ret_height_m,

@@ -1,5 +1,5 @@
-/* The thread "otwd-query": it answers what a CIGI host asks of the ground, which may take a disk.
- * Questions come through a bounded ring, answers go back through another. docs/threads.md.
+/* The threads "otwd-query", one or two: they answer what a CIGI host asks of the ground, which may
+ * take a disk. Each has a ring of questions and one of answers (base/worker). docs/threads.md.
  *
  * The ground is that of the picture: the same database, the same dug ground, the same planet
  * beneath; read through a source of its own. */
@@ -11,17 +11,20 @@
 struct dig;
 struct query_thread;
 
+#define QUERY_THREADS_MAX 2
+
 struct query_thread_params {
     const char *terrain_path; /* "" = the embedded planet */
     const char *geoid;
     unsigned cache_mib; /* of decoded tiles */
+    unsigned threads;   /* 1 .. QUERY_THREADS_MAX; 0 = 1 */
     struct dig *dig;    /* what another thread digs; NULL = what is in the file; borrowed */
 };
 
 /* -errno with a sentence. */
 int query_thread_start(const struct query_thread_params *params, struct query_thread **ret_thread,
                        struct diag *diag);
-/* Ends the thread and waits for it; what waits is not answered. Legal on NULL. */
+/* Ends the threads and waits for them; what waits is not answered. Legal on NULL. */
 void query_thread_stop(struct query_thread *thread);
 
 struct query_reply {
@@ -30,7 +33,8 @@ struct query_reply {
     struct cigi_answer answer;
 };
 
-/* False where QUERY_WAITING_MAX wait already. Event loop. */
+/* To the thread for which the fewest wait; in no order. False where QUERY_WAITING_MAX wait for
+ * each. Event loop. */
 bool query_thread_ask(struct query_thread *thread, unsigned asker,
                       const struct cigi_question *question);
 #define QUERY_WAITING_MAX 4096

@@ -27,6 +27,7 @@ struct render_thread {
     int event_fd;
     int begin_fd;
     _Atomic nsec_t begun_ns; /* when the frame that was told last will be seen */
+    atomic_bool speaks;
     sem_t go;
     _Atomic int
         state; /* enum render_state; the release that makes `gl`, `note` and `diag` visible */
@@ -60,6 +61,7 @@ struct frame_loop {
     uint64_t snapshot;
     struct frame_sample sample;
     struct governor governor;
+    struct swap_link *swap; /* NULL where the channel stands alone */
     struct traffic traffic; /* what is drawn beside the terrain */
     struct render_entity entities[TRAFFIC_MAX];
 };
@@ -88,35 +90,89 @@ static void take_input(struct frame_loop *loop)
     channel_set_geometry(loop->channel, &loop->input.geometry);
 }
 
-static void take_traffic(struct frame_loop *loop)
+static void take_traffic(struct frame_loop *loop, nsec_t frame_ns)
 {
-    if (loop->input.frozen || !latest_take(&loop->thread->traffic, &loop->traffic))
+    if (loop->input.frozen ||
+        (!latest_take(&loop->thread->traffic, &loop->traffic) && loop->traffic.count == 0))
         return;
-    entities_from_traffic(&loop->traffic, &loop->thread->params.entity_types, loop->entities);
+    entities_from_traffic(&loop->traffic, &loop->thread->params.entity_types, frame_ns,
+                          loop->entities);
     renderer_set_entities(channel_renderer(loop->channel), loop->entities, loop->traffic.count);
 }
 
-static void wait_for_host(struct render_thread *thread, nsec_t until_ns)
+/* False where time is up. */
+static bool wait_for_host(struct render_thread *thread, nsec_t until_ns)
 {
     const struct timespec until = {.tv_sec = until_ns / NSEC_PER_SEC,
                                    .tv_nsec = until_ns % NSEC_PER_SEC};
-    while (sem_clockwait(&thread->go, CLOCK_MONOTONIC, &until) < 0 && errno == EINTR)
-        ;
+    int r;
+    do
+        r = sem_clockwait(&thread->go, CLOCK_MONOTONIC, &until);
+    while (r < 0 && errno == EINTR);
+    return r == 0;
+}
+
+/* What the picture that is drawn next is of: the host's frame, or a tick. */
+static struct swap_label label_of(const struct frame_loop *loop, nsec_t frame_ns)
+{
+    struct swap_label label = {SWAP_HOST, loop->input.host_frame};
+    if (loop->input.wait_ns > 0)
+        return label;
+    label.base = SWAP_TICKS;
+    clock_tick_near(frame_ns, clock_monotonic_ns(), clock_realtime_ns(), loop->period_ns,
+                    &label.number);
+    return label;
+}
+
+/* Channels in step hear one host, not all of them as the one that it answers: what counts is that
+ * it has said something that they have not shown. */
+static void wait_in_step(struct frame_loop *loop, nsec_t frame_ns, nsec_t until_ns)
+{
+    do
+        take_input(loop);
+    while (swap_lock_was_shown(&loop->swap->lock, label_of(loop, frame_ns)) &&
+           wait_for_host(loop->thread, until_ns));
+}
+
+/* This channel answers the host, and what the host said last has not been shown: it is a frame
+ * ahead, and would stay so, and channels would differ in which of two frames they find, if it were
+ * asked for another. */
+static bool host_is_ahead(const struct frame_loop *loop, nsec_t frame_ns)
+{
+    return loop->swap && loop->input.wait_ns > 0 && swap_lock_speaks(&loop->swap->lock) &&
+           !swap_lock_was_shown(&loop->swap->lock, label_of(loop, frame_ns));
 }
 
 /* Tells the event loop that a frame begins, and waits for the host that leads, if one does. */
 static void begin_frame(struct frame_loop *loop, nsec_t frame_ns)
 {
     struct render_thread *thread = loop->thread;
-    if (!loop->input.tells_begin)
+    if (!loop->input.tells_begin || host_is_ahead(loop, frame_ns))
         return;
     while (sem_trywait(&thread->go) == 0)
         ; /* an answer that came after its time */
     atomic_store(&thread->begun_ns, frame_ns);
+    atomic_store(&thread->speaks, !loop->swap || swap_lock_speaks(&loop->swap->lock));
     if (eventfd_write(thread->begin_fd, 1) < 0 || loop->input.wait_ns == 0)
         return;
-    wait_for_host(thread, clock_monotonic_ns() + loop->input.wait_ns);
-    take_input(loop);
+    nsec_t until_ns = clock_monotonic_ns() + loop->input.wait_ns;
+    if (loop->swap) {
+        wait_in_step(loop, frame_ns, until_ns);
+    } else {
+        wait_for_host(thread, until_ns);
+        take_input(loop);
+    }
+}
+
+/* Deadlines and the transport delay go by what is seen, the governor by what it can govern. */
+static void show_in_step(struct frame_loop *loop, nsec_t frame_ns, struct channel_frame *frame)
+{
+    if (!loop->swap)
+        return;
+    swap_link_show(loop->swap, label_of(loop, frame_ns));
+    channel_show(loop->channel);
+    frame->finished_ns = clock_monotonic_ns();
+    loop->sample.swap = swap_link_status(loop->swap);
 }
 
 static void choose_pose(struct frame_loop *loop, nsec_t frame_ns)
@@ -180,12 +236,13 @@ static nsec_t draw_frame(struct frame_loop *loop, nsec_t tick_ns, bool *ret_fail
     uint64_t missed_before = loop->sample.missed;
     take_input(loop);
     begin_frame(loop, frame_ns);
-    take_traffic(loop);
+    take_traffic(loop, frame_ns);
     choose_pose(loop, frame_ns);
     struct pose next = loop->shown;
     if (!loop->input.frozen)
         motion_at(&loop->motion, frame_ns + loop->period_ns, &next);
     channel_draw(loop->channel, &loop->shown, &next, loop->shown_utc_ns, false, &frame);
+    show_in_step(loop, frame_ns, &frame);
     renderer_set_pixel_error(
         channel_renderer(loop->channel),
         governor_next(&loop->governor, frame.frame_ms, frame.renderer.pixel_error));
@@ -195,14 +252,21 @@ static nsec_t draw_frame(struct frame_loop *loop, nsec_t tick_ns, bool *ret_fail
     return frame_ns + (nsec_t)(loop->sample.missed - missed_before) * loop->period_ns;
 }
 
+/* Channels whose system clocks agree draw at the same ticks, also where nothing else joins them. */
+static nsec_t tick_near(const struct frame_loop *loop, nsec_t time_ns)
+{
+    return clock_tick_near(time_ns, clock_monotonic_ns(), clock_realtime_ns(), loop->period_ns,
+                           NULL);
+}
+
 static bool run_frames(struct frame_loop *loop)
 {
     struct render_thread *thread = loop->thread;
     bool failed = false;
-    nsec_t tick_ns = clock_monotonic_ns();
+    nsec_t tick_ns = tick_near(loop, clock_monotonic_ns());
     while (!failed && !atomic_load_explicit(&thread->stopping, memory_order_relaxed)) {
         clock_sleep_until(tick_ns);
-        tick_ns = draw_frame(loop, tick_ns, &failed);
+        tick_ns = tick_near(loop, draw_frame(loop, tick_ns, &failed));
         ring_put(&thread->samples, &loop->sample);
         notify_beat(thread->params.notify);
     }
@@ -234,11 +298,14 @@ static int open_output(struct frame_loop *loop)
 static void *render_main(void *data)
 {
     struct render_thread *thread = data;
+    const char *group = thread->params.swap.group;
+    struct swap_link swap;
     struct frame_loop loop = {.thread = thread,
                               .period_ns = ns_from_seconds(1.0 / thread->params.rate_hz),
                               .gpu_memory_every =
                                   2 + (uint64_t)(GPU_MEMORY_EVERY_S * thread->params.rate_hz),
                               .input = thread->params.first};
+    thread->params.channel.holds = group && group[0];
     if (channel_create(&thread->params.channel, &loop.channel, &thread->diag) < 0) {
         announce(thread, RENDER_FAILED);
         return NULL;
@@ -253,7 +320,13 @@ static void *render_main(void *data)
     thread->output_error = open_output(&loop);
     warm_up(&loop);
     announce(thread, RENDER_RUNNING);
+    if (thread->params.channel.holds) {
+        loop.swap = &swap;
+        swap_link_open(loop.swap, &thread->params.swap);
+    }
     bool failed = run_frames(&loop);
+    if (loop.swap)
+        swap_link_close(loop.swap);
     int r = frame_output_close(loop.output, &thread->output_diag);
     if (r < 0)
         thread->output_error = r;
@@ -355,6 +428,11 @@ nsec_t render_thread_begun(struct render_thread *thread)
     eventfd_t count;
     eventfd_read(thread->begin_fd, &count);
     return atomic_load(&thread->begun_ns);
+}
+
+bool render_thread_speaks(const struct render_thread *thread)
+{
+    return atomic_load(&thread->speaks);
 }
 
 void render_thread_go(struct render_thread *thread)

@@ -5,13 +5,15 @@
  * a ring, from which it makes the motion that it shows; what it did goes out through another ring
  * (struct frame_sample). Between two frames it does nothing but sleep: its loop allocates nothing,
  * takes no lock, does not log. Where a host leads (synchronous CIGI) a frame begins with a wait for
- * it, which is bounded. docs/threads.md draws it. */
+ * it, which is bounded; where there are several channels in step it ends with a wait for the
+ * others, which is bounded, too. docs/threads.md draws it. */
 #pragma once
 
 #include "base/diag.h"
 #include "daemon/channel.h"
 #include "daemon/entities.h"
 #include "daemon/notify.h"
+#include "daemon/swap_link.h"
 #include "geo/motion.h"
 
 /* What the event loop wants to be drawn: always whole, always the newest. */
@@ -25,8 +27,9 @@ struct render_input {
     nsec_t utc_offset_ns; /* UTC since 1970 minus monotonic time */
     uint64_t snapshot;    /* where it has changed: write this frame as frame-SNAPSHOT.png */
     struct channel_geometry geometry;
-    bool tells_begin; /* render_thread_begin_fd() is wanted */
-    nsec_t wait_ns;   /* for render_thread_go(), once that was told; 0 = not at all */
+    bool tells_begin;    /* render_thread_begin_fd() is wanted */
+    nsec_t wait_ns;      /* for render_thread_go(), once that was told; 0 = not at all */
+    uint32_t host_frame; /* of the host that is waited for: what it said last belongs to it */
 };
 
 /* One finished frame. */
@@ -44,9 +47,10 @@ struct frame_sample {
     bool complete; /* the terrain was all there */
     unsigned tiles_resident, tiles_pending;
     uint64_t terrain_errors;
-    int gpu_mib;        /* 0 = unknown */
-    double pixel_error; /* that the frame was drawn for */
-    bool reduced;       /* that is more than was asked, for want of time */
+    int gpu_mib;             /* 0 = unknown */
+    double pixel_error;      /* that the frame was drawn for */
+    bool reduced;            /* that is more than was asked, for want of time */
+    struct swap_status swap; /* zeroed where there is no lock */
 };
 
 struct render_params {
@@ -57,6 +61,7 @@ struct render_params {
     const char *snapshot_directory;   /* NULL = none */
     struct notify *notify;            /* one beat a frame */
     struct entity_types entity_types; /* the list outlives the thread */
+    struct swap_link_params swap;
 };
 
 struct render_thread;
@@ -86,6 +91,9 @@ enum render_state render_thread_state(struct render_thread *thread, struct diag 
  * when the newest one will be seen. Event loop. */
 int render_thread_begin_fd(const struct render_thread *thread);
 nsec_t render_thread_begun(struct render_thread *thread);
+
+/* Whether this channel is the one of those in step that speaks to the host; one alone always is. */
+bool render_thread_speaks(const struct render_thread *thread);
 
 /* What the frame that begins waits for has been published. Event loop. */
 void render_thread_go(struct render_thread *thread);

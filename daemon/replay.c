@@ -78,6 +78,7 @@ static void record_frame(struct report *report, const struct replay_params *para
                            .terrain_ms = (float)frame->renderer.terrain_ms,
                            .shade_ms = (float)frame->renderer.shade_ms,
                            .cpu_ms = (float)frame->cpu_ms,
+                           .draw_cpu_ms = (float)frame->draw_cpu_ms,
                            .latency_ms = arrival->latency_ms,
                            .pose_age_ms = arrival->age_ms,
                            .triangles = (uint32_t)frame->renderer.triangles,
@@ -139,6 +140,7 @@ static void count_poses(const struct flight *flight, struct report *report)
     const struct intake_counters *counters = &flight->counters;
     report->poses = (struct report_poses){.received = counters->received,
                                           .rejected = intake_rejected_total(counters),
+                                          .others = counters->others,
                                           .lost = counters->lost,
                                           .reordered = counters->reordered};
 }

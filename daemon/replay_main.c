@@ -7,6 +7,7 @@
 #include <sysexits.h>
 
 #include "config/config.h"
+#include "daemon/channel_options.h"
 #include "daemon/check_config.h"
 #include "daemon/cli.h"
 #include "daemon/config_channel.h"
@@ -14,12 +15,8 @@
 #include "daemon/replay.h"
 
 enum {
-    OPT_TERRAIN = 256,
-    OPT_SIZE,
-    OPT_RATE,
+    OPT_RATE = 512, /* beyond those of daemon/channel_options */
     OPT_SPEED,
-    OPT_TECHNIQUE,
-    OPT_PIXEL_ERROR,
     OPT_SAMPLES,
     OPT_FRAMES,
     OPT_EVERY,
@@ -28,7 +25,6 @@ enum {
     OPT_REPORT,
     OPT_PROTOCOL,
     OPT_JSON,
-    OPT_GEOID,
     OPT_UTC
 };
 
@@ -43,14 +39,9 @@ struct replay_options {
 static const struct argp_option known[] = {
     {"config", 'c', "FILE", 0,
      "channel, display, terrain, environment, DIS entity and CAN table from a configuration", 0},
-    {"terrain", OPT_TERRAIN, "DB", 0, "a terrain database (default: the embedded planet)", 0},
-    {"geoid", OPT_GEOID, "egm96|FILE", 0, "the geoid of heights above mean sea level", 0},
-    {"size", OPT_SIZE, "WxH", 0, "pixels (default 1024x576)", 0},
     {"rate", OPT_RATE, "HZ", 0, "frames a second (default 60)", 0},
     {"speed", OPT_SPEED, "X|max", 0,
      "flight seconds a second (default 1); max: as fast as it can, every frame complete", 0},
-    {"technique", OPT_TECHNIQUE, "NAME", 0, "how the terrain is drawn (clipmap)", 0},
-    {"pixel-error", OPT_PIXEL_ERROR, "PX", 0, "error allowed on the screen (default 1)", 0},
     {"time-utc", OPT_UTC, "TIME", 0,
      "when the flight starts, for the sun: 2026-06-21T09:30:00Z (default: ten in the morning)", 0},
     {"samples", OPT_SAMPLES, "1|4", 0,
@@ -69,7 +60,7 @@ static const struct argp_option known[] = {
 };
 
 /* The configuration comes first, wherever -c stands, so that other options override it. */
-static void load_config(struct argp_state *state, struct replay_options *options, const char *path)
+static void load_config(struct replay_options *options, const char *path)
 {
     struct config_errors errors = {0};
     int r = config_load(path, &options->config, &errors);
@@ -82,7 +73,6 @@ static void load_config(struct argp_state *state, struct replay_options *options
     config_to_channel(&options->config, &options->params.channel);
     options->params.rate_hz = options->config.display.rate_hz;
     options->params.utc_ns = options->config.environment.time_utc_ns;
-    (void)state;
 }
 
 static void parse_speed(struct argp_state *state, struct replay_params *params, const char *text)
@@ -95,31 +85,19 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
     struct replay_options *options = state->input;
     struct replay_params *params = &options->params;
     switch (key) {
+    case ARGP_KEY_INIT:
+        state->child_inputs[0] = &params->channel;
+        return 0;
     case 'c':
         return 0; /* taken before */
     case 'q':
         options->quiet = true;
-        return 0;
-    case OPT_TERRAIN:
-        params->channel.terrain_path = argument;
-        return 0;
-    case OPT_GEOID:
-        params->channel.geoid = argument;
-        return 0;
-    case OPT_SIZE:
-        cli_size(state, argument, &params->channel.width, &params->channel.height);
         return 0;
     case OPT_RATE:
         params->rate_hz = cli_number(state, "rate", argument, 0.1, 1000.0);
         return 0;
     case OPT_SPEED:
         parse_speed(state, params, argument);
-        return 0;
-    case OPT_TECHNIQUE:
-        params->channel.technique = argument;
-        return 0;
-    case OPT_PIXEL_ERROR:
-        params->channel.pixel_error = cli_number(state, "pixel-error", argument, 0.1, 100.0);
         return 0;
     case OPT_SAMPLES:
         if (strcmp(argument, "1") != 0 && strcmp(argument, "4") != 0)
@@ -163,6 +141,7 @@ static const struct argp parser = {
     .options = known,
     .parser = parse_option,
     .args_doc = "FLIGHT",
+    .children = channel_children,
     .doc =
         "Replay a recorded flight headless: a recording (.otwlog), CSV, pcap, candump log or IGC."
         "\vExit status: 0 flown, 64 bad usage, 65 not a flight or a bad database, 66 a file is "
@@ -172,12 +151,16 @@ static const struct argp parser = {
 /* Finds -c before argp runs, because options override the configuration. */
 static error_t parse_config_only(int key, char *argument, struct argp_state *state)
 {
-    if (key == 'c')
-        load_config(state, state->input, argument);
+    struct replay_options *options = state->input;
+    if (key == ARGP_KEY_INIT)
+        state->child_inputs[0] = &options->params.channel;
+    else if (key == 'c')
+        load_config(options, argument);
     return 0;
 }
 
-static const struct argp config_parser = {.options = known, .parser = parse_config_only};
+static const struct argp config_parser = {
+    .options = known, .parser = parse_config_only, .children = channel_children};
 
 /* The first source of that type in the configuration, or NULL. */
 static const struct config_source *find_source(const struct config *config,

@@ -44,6 +44,11 @@ static double cpu_ms(const struct report_frame *f)
 {
     return f->cpu_ms;
 }
+
+static double draw_cpu_ms(const struct report_frame *f)
+{
+    return f->draw_cpu_ms;
+}
 static double latency_ms(const struct report_frame *f)
 {
     return f->latency_ms;
@@ -159,6 +164,7 @@ json_t *report_json(const struct report *report, const struct report_facts *fact
     json_object_set_new(root, "frame_ms", json_distribution(report, frame_ms));
     json_object_set_new(root, "gpu_ms", json_distribution(report, gpu_ms));
     json_object_set_new(root, "cpu_ms", json_distribution(report, cpu_ms));
+    json_object_set_new(root, "draw_cpu_ms", json_distribution(report, draw_cpu_ms));
     json_object_set_new(root, "latency_ms", json_pair(report, latency_ms, "p99"));
     json_object_set_new(root, "missed_deadlines", json_integer((json_int_t)missed));
     json_object_set_new(root, "triangles", json_pair(report, triangles, "max"));
@@ -170,10 +176,11 @@ json_t *report_json(const struct report *report, const struct report_facts *fact
                                   facts->gpu_memory_mib));
     json_object_set_new(
         root, "pose",
-        json_pack("{s:I,s:I,s:I,s:I,s:o}", "received", (json_int_t)report->poses.received,
-                  "rejected", (json_int_t)report->poses.rejected, "lost",
-                  (json_int_t)report->poses.lost, "reordered", (json_int_t)report->poses.reordered,
-                  "age_ms", json_pair(report, pose_age_ms, "p99")));
+        json_pack("{s:I,s:I,s:I,s:I,s:I,s:o}", "received", (json_int_t)report->poses.received,
+                  "rejected", (json_int_t)report->poses.rejected, "others",
+                  (json_int_t)report->poses.others, "lost", (json_int_t)report->poses.lost,
+                  "reordered", (json_int_t)report->poses.reordered, "age_ms",
+                  json_pair(report, pose_age_ms, "p99")));
     const struct loader_counts *loader = &facts->loader;
     uint64_t asked = loader->tile_hits + loader->tile_misses;
     json_object_set_new(
@@ -196,7 +203,8 @@ static int write_csv(const struct report *report, const char *path, struct diag 
     if (!file)
         return diag_set(diag, -errno, "%s: %s", path, strerror(errno));
     fputs("frame,time_s,frame_ms,gpu_ms,upload_ms,terrain_ms,shade_ms,cpu_ms,latency_ms,"
-          "pose_age_ms,triangles,control_points,upload_bytes,complete,missed_deadline\n",
+          "pose_age_ms,triangles,control_points,upload_bytes,complete,missed_deadline,"
+          "draw_cpu_ms\n",
           file);
     for (size_t i = 0; i < report->count; i++) {
         const struct report_frame *f = &report->frames[i];
@@ -208,8 +216,8 @@ static int write_csv(const struct report *report, const char *path, struct diag 
         fputc(',', file);
         if (!isnan(f->pose_age_ms))
             fprintf(file, "%.3f", (double)f->pose_age_ms);
-        fprintf(file, ",%u,%u,%u,%d,%d\n", f->triangles, f->control_points, f->upload_bytes,
-                f->complete, f->missed_deadline);
+        fprintf(file, ",%u,%u,%u,%d,%d,%.3f\n", f->triangles, f->control_points, f->upload_bytes,
+                f->complete, f->missed_deadline, (double)f->draw_cpu_ms);
     }
     bool failed = ferror(file);
     if (fclose(file) != 0 || failed)

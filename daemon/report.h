@@ -11,7 +11,7 @@
 
 struct report_frame {
     double time_s; /* of the flight */
-    float frame_ms, gpu_ms, cpu_ms;
+    float frame_ms, gpu_ms, cpu_ms, draw_cpu_ms;
     float upload_ms, terrain_ms, shade_ms; /* of gpu_ms */
     float latency_ms;  /* arrival of the newest pose to the first finished frame that reaches it,
                           else NaN */
@@ -23,7 +23,7 @@ struct report_frame {
 
 /* Counts of the poses behind the frames. */
 struct report_poses {
-    uint64_t received, rejected, lost, reordered;
+    uint64_t received, rejected, others, lost, reordered;
 };
 
 struct report {

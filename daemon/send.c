@@ -194,6 +194,7 @@ int send_main(int argc, char **argv)
 {
     struct send_options options = {.params = {.protocol = POSE_PROTOCOLS, .seed = 1}};
     cli_parse(&parser, "send", argc, argv, &options);
+    options.params.session = (uint32_t)(clock_realtime_ns() / NSEC_PER_MSEC);
     if (options.params.protocol == POSE_PROTOCOLS)
         options.params.protocol =
             is_can(options.url) ? POSE_PROTOCOL_CANAEROSPACE : POSE_PROTOCOL_NATIVE;

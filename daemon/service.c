@@ -175,6 +175,7 @@ void service_destroy(struct service *service)
     if (!service)
         return;
     sources_close(service);
+    swap_tell(service);
     service_stop_render(service);
     service_stop_cigi(service);
     dig_thread_stop(service->dig); /* nobody draws its ground any more */

@@ -10,6 +10,7 @@
 #include "daemon/cigi_lead.h"
 #include "daemon/service_internal.h"
 #include "io/cigi_session.h"
+#include "terrain/parallel.h"
 
 #define REQUESTS_MAX    2000 /* of a session: what a host may ask in two frames */
 #define QUERY_CACHE_MIB 64
@@ -26,6 +27,7 @@ struct cigi_source {
     uint64_t rejected_seen[REJECT_REASONS]; /* as counted at the source */
     uint64_t lost_seen;
     nsec_t shown_ns; /* when the frame that began last will be seen */
+    nsec_t valid_ns; /* when that was which the last message with a place of own-ship told */
     bool placed;     /* a message has placed own-ship since the last frame began */
     struct cigi_lead lead;
     nsec_t send_told_ns, debug_told_ns;
@@ -73,33 +75,19 @@ int cigi_source_create(struct source_slot *slot, struct cigi_source **ret_cigi, 
     struct cigi_source *cigi = calloc(1, sizeof(*cigi));
     if (!cigi)
         return diag_set(diag, -ENOMEM, "source %s: no memory", slot->config->name);
-    cigi->slot = slot;
+    cigi->slot = cigi->lead.slot = slot;
     cigi->number = ++sessions;
     int r = address_parse(slot->config->reply, &cigi->reply, diag);
-    if (r == 0 && cigi_session_create(&params, &cigi->session) < 0)
+    if (r == 0 && (cigi_session_create(&params, &cigi->session) < 0 ||
+                   traffic_motion_init(&cigi->lead.motion) < 0))
         r = diag_set(diag, -ENOMEM, "source %s: no memory", slot->config->name);
     if (r < 0) {
         cigi_source_destroy(cigi);
         return r;
     }
-    cigi->lead = (struct cigi_lead){.service = slot->service,
-                                    .session = cigi->session,
-                                    .source = slot->config->name,
-                                    .view = (uint16_t)slot->config->view};
+    cigi->lead.session = cigi->session;
     *ret_cigi = cigi;
     return 0;
-}
-
-/* What was refused, by reason: " magic 3, length 1". */
-static void list_reasons(const uint64_t rejected[REJECT_REASONS], char *ret_text, size_t size)
-{
-    size_t used = 0;
-    snprintf(ret_text, size, " nothing");
-    for (int i = 1; i < REJECT_REASONS && used < size; i++)
-        if (rejected[i])
-            used += (size_t)snprintf(ret_text + used, size - used, "%s %s %llu", used ? "," : "",
-                                     reject_reason_name((enum reject_reason)i),
-                                     (unsigned long long)rejected[i]);
 }
 
 static void tell_counters(const struct cigi_source *cigi, const char *when)
@@ -108,11 +96,11 @@ static void tell_counters(const struct cigi_source *cigi, const char *when)
     const struct cigi_counters *c = &link->counters;
     const struct log_about source = about(cigi);
     char reasons[256];
-    list_reasons(c->rejected, reasons, sizeof(reasons));
+    reject_list(c->rejected, reasons, sizeof(reasons));
     log_write(
         NULL, LOG_LEVEL_INFO, &source,
         "source %s%s: CIGI %u.%u, %llu messages, %llu packets used, %llu ignored, %llu "
-        "skipped, %llu unknown, %llu messages lost, %llu requests, %llu responses; refused:%s",
+        "skipped, %llu unknown, %llu messages lost, %llu requests, %llu responses; refused: %s",
         config_of(cigi)->name, when, link->format.major, link->format.minor,
         (unsigned long long)c->messages, (unsigned long long)c->packets,
         (unsigned long long)c->packets_ignored, (unsigned long long)c->skipped,
@@ -167,45 +155,45 @@ static void lead(struct cigi_source *cigi)
     struct service *service = cigi->slot->service;
     bool live = service->arbiter.active == (int)cigi->slot->index;
     cigi_lead_take(&cigi->lead);
+    service->input.host_frame = cigi_session_link(cigi->session)->host_frame;
     service->input.wait_ns = live ? config_of(cigi)->sync_wait_ms * NSEC_PER_MSEC : 0;
-}
-
-static void stop_leading(struct cigi_source *cigi)
-{
-    cigi->slot->service->input.wait_ns = 0;
-    cigi_lead_drop(&cigi->lead);
 }
 
 void cigi_source_destroy(struct cigi_source *cigi)
 {
     if (!cigi)
         return;
-    if (cigi->lead.leads)
-        stop_leading(cigi);
+    cigi_lead_drop(&cigi->lead);
     if (cigi->session && cigi_session_link(cigi->session)->counters.messages > 0)
         tell_counters(cigi, " in all");
     cigi_session_destroy(cigi->session);
+    traffic_motion_finish(&cigi->lead.motion);
     free(cigi);
 }
 
-/* The time at which the host's place is valid: in synchronous operation it is that of the frame
- * which the message starts, else that of the message. */
-static void offer_pose(struct cigi_source *cigi, nsec_t receive_ns,
-                       struct intake_counters *counters)
+/* When that was which the message tells, on our clock. */
+static nsec_t time_of_message(struct cigi_source *cigi, nsec_t receive_ns)
 {
     const struct cigi_link *link = cigi_session_link(cigi->session);
-    const struct cigi_scene *scene = cigi_session_scene(cigi->session);
+    nsec_t sent_ns = link->timestamp_valid ? link->host_ns + NSEC_PER_SEC : 0;
+    return sample_clock_time(&cigi->clock, sent_ns, receive_ns);
+}
+
+/* The time at which the host's place is valid: that of the message which told it, until a frame
+ * begins. */
+static void offer_pose(struct cigi_source *cigi, nsec_t receive_ns, nsec_t valid_ns,
+                       struct intake_counters *counters)
+{
     struct pose pose;
     if (!find_pose(cigi, &pose))
         return;
-    const struct cigi_entity *entity =
-        cigi_scene_entity(scene, cigi_lead_view(&cigi->lead)->entity);
-    nsec_t sent_ns = link->timestamp_valid ? link->host_ns + NSEC_PER_SEC : 0;
-    nsec_t valid_ns = sample_clock_time(&cigi->clock, sent_ns, receive_ns);
-    if (entity->time_ns == 0 || entity->time_ns == receive_ns) {
-        pose.time_ns = valid_ns;
+    if (cigi_scene_root(cigi_session_scene(cigi->session), cigi_lead_view(&cigi->lead)->entity)
+            ->placed_ns == receive_ns) {
+        cigi->valid_ns = valid_ns;
         cigi->placed = true;
     }
+    if (cigi->placed)
+        pose.time_ns = cigi->valid_ns;
     counters->accepted++;
     source_take_pose(cigi->slot, &pose);
 }
@@ -236,6 +224,14 @@ static void load_database(struct cigi_source *cigi)
     cigi_session_database_loaded(cigi->session, wanted, there);
 }
 
+/* The frame that is drawn next: in asynchronous operation the one that begins does not wait. */
+static nsec_t next_frame_ns(const struct cigi_source *cigi)
+{
+    double period_s = 1.0 / cigi->slot->service->render_params.rate_hz;
+    bool waits = config_of(cigi)->sync_wait_ms > 0;
+    return waits ? cigi->shown_ns : cigi->shown_ns + ns_from_seconds(period_s);
+}
+
 int cigi_source_message(struct cigi_source *cigi, const void *data, size_t size, nsec_t receive_ns,
                         struct intake_counters *counters, struct rejection *ret_rejection)
 {
@@ -254,9 +250,11 @@ int cigi_source_message(struct cigi_source *cigi, const void *data, size_t size,
     ask(cigi);
     if (service->driving == (int)cigi->slot->index)
         lead(cigi);
-    offer_pose(cigi, receive_ns, counters);
+    nsec_t valid_ns = time_of_message(cigi, receive_ns);
+    offer_pose(cigi, receive_ns, valid_ns, counters);
     if (service->driving == (int)cigi->slot->index) {
         lead(cigi);
+        cigi_lead_traffic(&cigi->lead, receive_ns, valid_ns, next_frame_ns(cigi));
         service_publish(service);
         render_thread_go(service->render);
     }
@@ -288,6 +286,8 @@ static void send_message(struct cigi_source *cigi, nsec_t now_ns)
 {
     const struct log_about source = about(cigi);
     size_t size = cigi_session_message(cigi->session, now_ns, cigi->message);
+    if (!render_thread_speaks(cigi->slot->service->render))
+        return; /* another channel in step does */
     int r = pose_source_send(cigi->slot->source, &cigi->reply, cigi->message, size);
     if (r == 0)
         return;
@@ -328,9 +328,11 @@ void cigi_source_begin(struct cigi_source *cigi, nsec_t shown_ns)
     ask(cigi);
     if (drives)
         lead(cigi);
-    else if (cigi->lead.leads)
-        stop_leading(cigi);
+    else
+        cigi_lead_drop(&cigi->lead);
     move_pose(cigi);
+    if (drives)
+        cigi_lead_traffic(&cigi->lead, 0, 0, next_frame_ns(cigi));
     if (cigi->mode == CIGI_DEBUG && now_ns - cigi->debug_told_ns > DEBUG_TELL_NS) {
         cigi->debug_told_ns = now_ns;
         tell_counters(cigi, "");
@@ -375,6 +377,7 @@ static int start_queries(struct service *service, struct diag *diag)
         .terrain_path = channel->terrain_path,
         .geoid = channel->geoid,
         .cache_mib = channel->cache_mib < QUERY_CACHE_MIB ? channel->cache_mib : QUERY_CACHE_MIB,
+        .threads = parallel_processors() >= 4 ? 2 : 1, /* the picture needs the others */
         .dig = channel->dig};
     int r = query_thread_start(&params, &service->queries, diag);
     service->ground =

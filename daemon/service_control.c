@@ -6,6 +6,7 @@
 #include <string.h>
 #include <sys/epoll.h>
 
+#include "daemon/cigi_lead.h"
 #include "daemon/inherited.h"
 #include "daemon/version.h"
 
@@ -161,30 +162,6 @@ void service_modbus_close(struct service *service)
     service->modbus = NULL;
 }
 
-static bool same_source(const struct config_source *a, const struct config_source *b)
-{
-    if (strcmp(a->name, b->name) != 0 || a->type != b->type || a->version != b->version ||
-        strcmp(a->listen, b->listen) != 0 || strcmp(a->reply, b->reply) != 0 ||
-        strcmp(a->interface, b->interface) != 0 || a->priority != b->priority ||
-        a->timeout_ms != b->timeout_ms || a->altitude != b->altitude ||
-        a->allow_count != b->allow_count)
-        return false;
-    for (unsigned i = 0; i < a->allow_count; i++)
-        if (strcmp(a->allow[i].range, b->allow[i].range) != 0)
-            return false;
-    return true;
-}
-
-static bool same_sources(const struct config *a, const struct config *b)
-{
-    if (a->sources_count != b->sources_count)
-        return false;
-    for (unsigned i = 0; i < a->sources_count; i++)
-        if (!same_source(&a->sources[i], &b->sources[i]))
-            return false;
-    return true;
-}
-
 static bool same_entities(const struct config *a, const struct config *b)
 {
     return a->entities_count == b->entities_count &&
@@ -202,6 +179,7 @@ static void tell_what_waits(const struct config *now, const struct config *next)
     } sections[] = {
         {"channel", memcmp(&now->channel, &next->channel, sizeof(now->channel)) != 0},
         {"display", memcmp(&now->display, &next->display, sizeof(now->display)) != 0},
+        {"swap_lock", memcmp(&now->swap_lock, &next->swap_lock, sizeof(now->swap_lock)) != 0},
         {"terrain", memcmp(&now->terrain, &next->terrain, sizeof(now->terrain)) != 0},
         {"environment.atmosphere", now->environment.atmosphere != next->environment.atmosphere},
         {"entities", !same_entities(now, next)},
@@ -214,21 +192,6 @@ static void tell_what_waits(const struct config *now, const struct config *next)
                      names[0] ? ", " : "", sections[i].name);
     if (names[0])
         log_warning("changes to %s need a restart", names);
-}
-
-/* `next` is left with the old ones. */
-static void take_sources(struct service *service, struct config *next)
-{
-    struct config *now = &service->config;
-    const struct config old = *now;
-    if (same_sources(now, next))
-        return;
-    sources_close(service);
-    now->sources = next->sources;
-    now->sources_count = next->sources_count;
-    next->sources = old.sources;
-    next->sources_count = old.sources_count;
-    sources_init(service);
 }
 
 static void take_health(struct service *service, const struct config *next)
@@ -254,13 +217,15 @@ void service_reload(struct service *service)
         return;
     }
     tell_what_waits(&service->config, &next);
-    take_sources(service, &next);
+    sources_reload(service, &next);
     take_health(service, &next);
     service->config.pose = next.pose;
     service->config.environment = next.environment;
     service->input.motion = config_motion(&service->config, service->driving);
     service->input.visibility_m = next.environment.visibility_m;
     service_reset_time(service);
+    if (service->leader)
+        cigi_lead_take_all(service->leader);
     service->generation++;
     service_publish(service);
     log_notice("configuration %u: pose, environment, sources and health are those of %s",

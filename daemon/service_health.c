@@ -159,6 +159,7 @@ void health_tick(struct service *service, nsec_t now_ns)
     terrain_faults(service, now_ns);
     renderer_faults(service, now_ns);
     recorder_faults(service, now_ns);
+    swap_tick(service, now_ns);
     health_publish(service, now_ns);
     notify_tick(&service->notify, now_ns);
     if (now_ns >= service->second_ns) {

@@ -17,6 +17,7 @@
 #include "io/source.h"
 #include "render/window.h"
 
+struct cigi_lead;
 struct service;
 
 /* A source of the configuration, open or waiting to be. */
@@ -33,6 +34,7 @@ struct source_slot {
     uint64_t refused;  /* packets, late ones not counted, that were seen */
     uint64_t overrun;  /* packets lost to a full queue that were seen */
     bool failed, lost; /* as logged */
+    bool others;       /* that all is about others was told */
 };
 
 /* Values of the counters that the operator reset. */
@@ -43,6 +45,14 @@ struct counter_base {
 /* What sources that a new configuration closed had counted. */
 struct source_totals {
     uint64_t accepted, rejected, lost, can_frames;
+};
+
+/* What the swap lock told last. */
+struct swap_watch {
+    nsec_t
+        complete_ns;   /* when all channels were in step last, or the first frame came; 0 = never */
+    nsec_t failed_ns;  /* when it last failed at something; 0 = never */
+    uint64_t troubles; /* that were seen */
 };
 
 struct service {
@@ -57,7 +67,8 @@ struct service {
     unsigned slot_count;
     struct source_totals closed;
     struct arbiter arbiter;
-    int driving; /* whose pose was published last */
+    int driving;              /* whose pose was published last */
+    struct cigi_lead *leader; /* the CIGI host whose view, air and sky are in `input`, or NULL */
     bool has_pose;
 
     struct render_thread *render;
@@ -82,7 +93,8 @@ struct service {
     struct health_collect collect;
     struct counter_base base;
     nsec_t start_ns, second_ns; /* when the once-a-second work is due */
-    nsec_t behind_ns;           /* when the recorder last dropped a record; 0 = never */
+    struct swap_watch swap;
+    nsec_t behind_ns; /* when the recorder last dropped a record; 0 = never */
     uint64_t recorder_dropped;
     nsec_t snapshot_ns;
     bool follow_clock; /* the sun goes by the system clock */
@@ -111,6 +123,9 @@ void service_stop_render(struct service *service);
 
 /* service_sources.c */
 void sources_init(struct service *service);
+/* Takes the sources of another configuration, which is left with the old ones: those that are the
+ * same, and in the same place of the list, stay open. */
+void sources_reload(struct service *service, struct config *next);
 /* Opens what is due; looks who is live; hands a change of the driving source to the picture. */
 void sources_tick(struct service *service, nsec_t now_ns);
 void sources_close(struct service *service);
@@ -133,6 +148,12 @@ void service_dig(struct source_slot *slot, const struct dig_message *request,
 void health_tick(struct service *service, nsec_t now_ns);
 /* The whole map from now on, to Modbus. */
 void health_publish(struct service *service, nsec_t now_ns);
+
+/* service_swap.c */
+/* The faults of the swap lock, where there is one. */
+void swap_tick(struct service *service, nsec_t now_ns);
+/* Logs what it has counted. */
+void swap_tell(const struct service *service);
 
 /* service_control.c; the prefix keeps clear of libmodbus's names, such as modbus_close() */
 void service_modbus_tick(struct service *service, nsec_t now_ns);

@@ -112,11 +112,16 @@ int service_start_render(struct service *service, struct diag *diag)
 {
     const struct config *config = &service->config;
     struct channel_params *channel = &service->render_params.channel;
-    service->render_params =
-        (struct render_params){.rate_hz = config->display.rate_hz,
-                               .pixel_error_most = config->terrain.pixel_error_most,
-                               .notify = &service->notify,
-                               .entity_types = {config->entities, config->entities_count}};
+    service->render_params = (struct render_params){
+        .rate_hz = config->display.rate_hz,
+        .pixel_error_most = config->terrain.pixel_error_most,
+        .notify = &service->notify,
+        .entity_types = {config->entities, config->entities_count},
+        .swap = {.group = config->swap_lock.group,
+                 .interface = config->swap_lock.interface,
+                 .channel = config->swap_lock.channel,
+                 .channels = config->swap_lock.channels,
+                 .timeout_ns = config->swap_lock.timeout_ms * NSEC_PER_MSEC}};
     config_to_channel(config, channel);
     if (service->recorder)
         service->render_params.snapshot_directory = config->record.directory;
@@ -161,7 +166,11 @@ static int rebuild(struct service *service, struct diag *diag)
     service->base.terrain_errors -= newest->terrain_errors;
     newest->frame = newest->missed = newest->terrain_errors = 0;
     int r = service_open_window(service, diag);
-    return r < 0 ? r : start_thread(service, diag);
+    if (r == 0)
+        r = start_thread(service, diag);
+    if (r == 0)
+        service_publish(service); /* view and visibility are no longer the configuration's */
+    return r;
 }
 
 static void render_lost(struct service *service, const struct diag *why)

@@ -42,6 +42,7 @@ struct intake_params config_intake(const struct config_source *source, struct ge
         .geoid = geoid_function_of(geoid),
         .dis = {.exercise = source->exercise, .id = source->entity_id},
         .table = config_can_table(source),
+        .redundancy = source->redundancy,
     };
 }
 
@@ -120,6 +121,17 @@ static void note_overrun(struct source_slot *slot, nsec_t now_ns)
     slot->overrun_ns = now_ns;
 }
 
+/* Nothing but packets about others may be what is wrong with the configuration. */
+static void note_others(struct source_slot *slot)
+{
+    const struct intake_counters *counters = pose_source_counters(slot->source);
+    if (slot->others || counters->others == 0 || counters->accepted > 0)
+        return;
+    slot->others = true;
+    log_write(NULL, LOG_LEVEL_INFO, &(struct log_about){.source = slot->config->name},
+              "source %s: what comes is sound, but not about own-ship", slot->config->name);
+}
+
 static void on_dig(void *context, struct pose_source *source, const struct dig_message *message,
                    const union address *sender)
 {
@@ -142,6 +154,7 @@ static int on_readable(sd_event_source *event, int fd, uint32_t revents, void *d
         slot->refused_ns = now_ns;
     slot->refused = refused;
     note_overrun(slot, now_ns);
+    note_others(slot);
     return 0;
 }
 
@@ -153,8 +166,22 @@ static void endpoint_of(const struct config_source *config, char *ret_text, size
              bus ? config->interface : config->listen);
 }
 
+static void tell_counters(const struct source_slot *slot)
+{
+    const struct intake_counters *c = pose_source_counters(slot->source);
+    char reasons[256];
+    reject_list(c->rejected, reasons, sizeof(reasons));
+    log_write(NULL, LOG_LEVEL_INFO, &(struct log_about){.source = slot->config->name},
+              "source %s closes: %llu received, %llu poses, %llu about others, %llu lost; "
+              "refused: %s",
+              slot->config->name, (unsigned long long)c->received, (unsigned long long)c->accepted,
+              (unsigned long long)c->others, (unsigned long long)c->lost, reasons);
+}
+
 static void close_slot(struct source_slot *slot)
 {
+    if (slot->source)
+        tell_counters(slot);
     sd_event_source_disable_unref(slot->event);
     cigi_source_destroy(slot->cigi);
     pose_source_close(slot->source);
@@ -291,7 +318,8 @@ static const char *name_of(const struct service *service, int index)
 static void on_switch(void *context, int from, int to)
 {
     const struct service *service = context;
-    log_notice("%s drives, before it %s", name_of(service, to), name_of(service, from));
+    log_notice("%s drives, before it %s (switch %llu)", name_of(service, to),
+               name_of(service, from), (unsigned long long)service->arbiter.switches);
 }
 
 /* How long a source may give no pose. One of DIS gives some until its entity counts as lost. */
@@ -301,19 +329,26 @@ static nsec_t silence_ns(const struct config_source *config)
                                              : config->timeout_ms * NSEC_PER_MSEC;
 }
 
+/* A slot for a source of the configuration, which is opened when that is due. */
+static void set_up_slot(struct service *service, unsigned i)
+{
+    const struct config_source *config = &service->config.sources[i];
+    service->slots[i] = (struct source_slot){.service = service, .config = config, .index = i};
+    if ((int)i == service->arbiter.count)
+        arbiter_add(&service->arbiter, config->priority, silence_ns(config));
+    else
+        arbiter_replace(&service->arbiter, (int)i, config->priority, silence_ns(config));
+    if (service->recorder)
+        otwlog_add_source(recorder_writer(service->recorder), i,
+                          config_intake(config, NULL).protocol, config->name, clock_monotonic_ns());
+}
+
 void sources_init(struct service *service)
 {
     arbiter_init(&service->arbiter, on_switch, service);
     service->driving = ARBITER_NONE;
-    for (unsigned i = 0; i < service->config.sources_count; i++) {
-        const struct config_source *config = &service->config.sources[i];
-        service->slots[i] = (struct source_slot){.service = service, .config = config, .index = i};
-        arbiter_add(&service->arbiter, config->priority, silence_ns(config));
-        if (service->recorder)
-            otwlog_add_source(recorder_writer(service->recorder), i,
-                              config_intake(config, NULL).protocol, config->name,
-                              clock_monotonic_ns());
-    }
+    for (unsigned i = 0; i < service->config.sources_count; i++)
+        set_up_slot(service, i);
     service->slot_count = service->config.sources_count;
     service_start_cigi(service);
 }
@@ -346,12 +381,45 @@ static void add_counters(const struct source_slot *slot, struct source_totals *t
         totals->can_frames += counters->received;
 }
 
+static void retire(struct service *service, unsigned i)
+{
+    add_counters(&service->slots[i], &service->closed);
+    close_slot(&service->slots[i]);
+    arbiter_replace(&service->arbiter, (int)i, 1, 0);
+}
+
 void sources_close(struct service *service)
 {
+    for (unsigned i = 0; i < service->slot_count; i++)
+        retire(service, i);
+}
+
+void sources_reload(struct service *service, struct config *next)
+{
+    struct config *now = &service->config;
+    const struct config old = *now;
+    bool stays[CONFIG_SOURCES_MAX] = {false};
     for (unsigned i = 0; i < service->slot_count; i++) {
-        add_counters(&service->slots[i], &service->closed);
-        close_slot(&service->slots[i]);
+        stays[i] =
+            i < next->sources_count && config_source_same(&now->sources[i], &next->sources[i]);
+        if (!stays[i])
+            retire(service, i);
     }
+    arbiter_update(&service->arbiter, clock_monotonic_ns()); /* which tells the old names */
+    if (service->driving != ARBITER_NONE && !stays[service->driving])
+        service->driving = ARBITER_NONE;
+    now->sources = next->sources;
+    now->sources_count = next->sources_count;
+    next->sources = old.sources;
+    next->sources_count = old.sources_count;
+    for (unsigned i = 0; i < now->sources_count; i++) {
+        if (stays[i])
+            service->slots[i].config = &now->sources[i];
+        else
+            set_up_slot(service, i);
+    }
+    service->slot_count = now->sources_count;
+    service_start_cigi(service);
 }
 
 void sources_fill(const struct service *service, nsec_t now_ns, struct health *health)

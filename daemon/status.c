@@ -116,6 +116,11 @@ void status_print(FILE *out, const struct health *h)
         fprintf(out, "%-20snone\n", "fault");
     fprintf(out, "%-20s%.0f s\n", "uptime", seconds_from_ns(h->uptime_ns));
     print_frames(out, h);
+    if (h->swap.channels > 0) {
+        char text[HEALTH_SWAP_TEXT_MAX];
+        health_swap_format(&h->swap, text);
+        fprintf(out, "%-20s%s\n", "swap lock", text);
+    }
     print_input(out, h);
     print_pose(out, h);
     fprintf(out, "%-20s%u resident, %u pending, %llu read errors%s\n", "terrain tiles",
@@ -165,11 +170,21 @@ static json_t *terrain_json(const struct health *h)
                      "complete", h->terrain_complete);
 }
 
+static json_t *swap_json(const struct health_swap *swap)
+{
+    if (swap->channels == 0)
+        return json_null();
+    return json_pack("{s:i,s:i,s:I,s:I,s:I,s:f}", "channels", (int)swap->channels, "present",
+                     (int)swap->present, "shown", (json_int_t)swap->frames, "timeouts",
+                     (json_int_t)swap->timeouts, "out_of_step", (json_int_t)swap->out_of_step,
+                     "skew_worst_ms", milliseconds_from_ns(swap->skew_worst_ns));
+}
+
 json_t *status_json(const struct health *h)
 {
     const struct fault_info *fault = fault_find(h->fault_code);
     return json_pack("{s:s,s:s,s:{s:i,s:s?},s:I,s:f,s:I,s:I,s:b,s:o,s:o,s:o,s:o,s:o,s:{s:i,s:i},"
-                     "s:{s:I,s:b},s:i,s:I}",
+                     "s:{s:I,s:b},s:i,s:I,s:o}",
                      "schema", "otwd-status-1", "state", health_state_name(h->state), "fault",
                      "code", (int)h->fault_code, "name", fault ? fault->name : NULL, "uptime_s",
                      (json_int_t)(h->uptime_ns / NSEC_PER_SEC), "frame_rate_hz", h->frame_rate_hz,
@@ -180,7 +195,7 @@ json_t *status_json(const struct health *h)
                      "memory_mib", "resident", (int)h->resident_mib, "gpu", (int)h->gpu_mib,
                      "record", "frames", (json_int_t)h->frames_recorded, "good", h->recorder_good,
                      "modbus_clients", (int)h->modbus_clients, "config_generation",
-                     (json_int_t)h->config_generation);
+                     (json_int_t)h->config_generation, "swap_lock", swap_json(&h->swap));
 }
 
 static int print_json(const struct health *health)

@@ -20,6 +20,11 @@ struct entry {
 int entry_open(struct stage *stage, const char *name, struct entry *ret_entry);
 void entry_close(struct entry *entry);
 
+static inline const char *entry_title(const struct entry *entry)
+{
+    return entry->ops ? entry->ops->title : "the technique that is flown by";
+}
+
 static inline bool entry_is_available(const struct entry *entry)
 {
     return !entry->unavailable.text[0];

@@ -102,8 +102,8 @@ void technique_report_print(const struct technique_report *report)
         if (!entry_is_available(entry))
             printf("  %-18s not available: %s\n", entry->name, entry->unavailable.text);
         else
-            printf("  %-18s setting: %s; start %.0f ms\n", entry->name, entry->knob.name,
-                   entry->start_ms);
+            printf("  %-18s %s; setting: %s; start %.0f ms\n", entry->name, entry_title(entry),
+                   entry->knob.name, entry->start_ms);
     }
 }
 
@@ -177,8 +177,9 @@ static json_t *json_entry(const struct entry *entry, const struct curve *curve)
     if (!entry_is_available(entry))
         return json_pack("{s:s,s:b,s:s}", "technique", entry->name, "available", false, "reason",
                          entry->unavailable.text);
-    return json_pack("{s:s,s:b,s:s,s:f,s:o}", "technique", entry->name, "available", true, "knob",
-                     entry->knob.name, "start_ms", entry->start_ms, "points", json_curve(curve));
+    return json_pack("{s:s,s:s,s:b,s:s,s:f,s:o}", "technique", entry->name, "title",
+                     entry_title(entry), "available", true, "knob", entry->knob.name, "start_ms",
+                     entry->start_ms, "points", json_curve(curve));
 }
 
 void technique_report_print_json(const struct technique_report *report, FILE *file)

@@ -9,12 +9,12 @@
 #include "geo/sun.h"
 #include "render/detail.h"
 
-#define NEAR_M       0.5
-#define EARTH_M      6378137.0
-#define NARROWEST    0.7071 /* a cell's width, in nominal ones */
-#define COARSE_PX    50.0   /* the clipmap's error while others are shown */
-#define RADIUS_MOST  256
-#define FLIGHT_STEPS 1000 /* at which a flight is looked at */
+#define NEAR_M        0.5
+#define EARTH_M       6378137.0
+#define NARROWEST     0.7071 /* a cell's width, in nominal ones */
+#define COARSE_PX     50.0   /* the clipmap's error while others are shown */
+#define SOFTWARE_MOST 256
+#define FLIGHT_STEPS  1000 /* at which a flight is looked at */
 
 static nsec_t step_ns(const struct flight *flight, int step)
 {
@@ -73,11 +73,11 @@ static double pixel_rad(const struct channel_params *channel)
 }
 
 /* Of the clipmap, whatever time it takes. */
-static int choose_radius(const struct stage_params *params)
+static int radius_by_software(const struct stage_params *params)
 {
     double posts = detail_posts(pixel_rad(params->channel), params->finest_error);
     int radius = 32;
-    while (radius < RADIUS_MOST && radius < posts)
+    while (radius < SOFTWARE_MOST && radius < posts)
         radius *= 2;
     return radius;
 }
@@ -94,9 +94,9 @@ static int open_renderer(struct stage *stage, const struct stage_params *params,
     if (r < 0)
         return r;
     terrain.source->ops->facts(terrain.source, &facts);
-    int radius = choose_radius(params);
     struct clipmap_shape usual =
         renderer_shape(&facts, pixel_rad(channel), params->finest_error, stage->gl.software);
+    int radius = stage->gl.software ? radius_by_software(params) : usual.radius;
     const struct renderer_params renderer = {
         .width = channel->width,
         .height = channel->height,

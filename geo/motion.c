@@ -42,6 +42,15 @@ static struct motion_error error_after(const struct motion_error *error, double 
     return next;
 }
 
+/* A place counts as told when the newest attitude was: what tells attitudes is not silent, though
+ * it tells places seldom or lost some. */
+static nsec_t place_limit_ns(const struct motion *motion, nsec_t limit_ns)
+{
+    const struct track_knot *place = track_newest(&motion->places);
+    const struct track_knot *turn = track_newest(&motion->turns);
+    return turn->time_ns > place->time_ns ? limit_ns + turn->time_ns - place->time_ns : limit_ns;
+}
+
 /* The path as the tracks have it. */
 static void path_at(const struct motion *motion, nsec_t frame_ns, struct state *ret)
 {
@@ -50,7 +59,8 @@ static void path_at(const struct motion *motion, nsec_t frame_ns, struct state *
     double body_rad_s[3], m[3][3];
     if (params->freeze && !motion->live)
         limit_ns = 0;
-    track_place_at(&motion->places, time_ns, limit_ns, ret->place_m, ret->velocity_mps);
+    track_place_at(&motion->places, time_ns, place_limit_ns(motion, limit_ns), ret->place_m,
+                   ret->velocity_mps);
     track_turn_at(&motion->turns, time_ns, limit_ns, &ret->turn, body_rad_s);
     matrix_from_quaternion(ret->turn, m);
     frames_rotate(m, body_rad_s, ret->rate_rad_s);

@@ -11,7 +11,8 @@
 #define PLACE_TRUST_MPS     1.0
 #define TURN_TRUST_PART     0.3
 #define TURN_TRUST_RAD_S    0.05
-#define ACCELERATION_SPAN_S 0.1 /* over which it is taken: noise of velocity is not seen */
+#define TURN_TRUST_RAD      0.003 /* of each attitude: it is measured, and timed, as well as that */
+#define ACCELERATION_SPAN_S 0.1   /* over which it is taken: noise of velocity is not seen */
 #define ACCELERATION_OLD_S  0.6
 #define ACCELERATION_MOST   50.0 /* m/s^2 */
 
@@ -97,11 +98,12 @@ typedef void (*step_fn)(const struct track_knot *a, const struct track_knot *b, 
 
 struct trust {
     step_fn step;
-    double part, least;
+    double part, least, step_least;
 };
 
-static const struct trust trust_place = {step_of_place, PLACE_TRUST_PART, PLACE_TRUST_MPS};
-static const struct trust trust_turn = {step_of_turn, TURN_TRUST_PART, TURN_TRUST_RAD_S};
+static const struct trust trust_place = {step_of_place, PLACE_TRUST_PART, PLACE_TRUST_MPS, 0.0};
+static const struct trust trust_turn = {step_of_turn, TURN_TRUST_PART, TURN_TRUST_RAD_S,
+                                        TURN_TRUST_RAD};
 
 /* The mean rate between two knots, and whether the sender's own rates agree with it. */
 static bool mean_rate(const struct trust *trust, const struct track_knot *a,
@@ -114,7 +116,7 @@ static bool mean_rate(const struct trust *trust, const struct track_knot *a,
         off[i] = 0.5 * (a->rate[i] + b->rate[i]) - ret_mean[i];
     }
     return a->has_rate && b->has_rate &&
-           length(off) <= trust->part * length(ret_mean) + trust->least;
+           length(off) <= trust->part * length(ret_mean) + trust->least + trust->step_least / dt_s;
 }
 
 /* The rate at knot `i`, from what lies before and behind it: the parabola's through all three. */

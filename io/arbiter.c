@@ -18,6 +18,13 @@ int arbiter_add(struct arbiter *arbiter, unsigned priority, nsec_t timeout_ns)
     return arbiter->count++;
 }
 
+void arbiter_replace(struct arbiter *arbiter, int index, unsigned priority, nsec_t timeout_ns)
+{
+    assert(index >= 0 && index < arbiter->count);
+    arbiter->sources[index] =
+        (struct arbiter_source){.priority = priority, .timeout_ns = timeout_ns};
+}
+
 static bool live(const struct arbiter_source *source, nsec_t now_ns)
 {
     return source->heard && now_ns - source->heard_ns <= source->timeout_ns;

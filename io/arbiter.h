@@ -31,6 +31,10 @@ void arbiter_init(struct arbiter *arbiter, void (*on_switch)(void *context, int 
 /* Returns the new source's index, or -ENOSPC. */
 int arbiter_add(struct arbiter *arbiter, unsigned priority, nsec_t timeout_ns);
 
+/* Another source, which was never heard, takes the place of `index`; arbiter_update() then says who
+ * drives. */
+void arbiter_replace(struct arbiter *arbiter, int index, unsigned priority, nsec_t timeout_ns);
+
 /* A pose of source `index`. Returns true where it drives. A pose without a position is none. */
 bool arbiter_offer(struct arbiter *arbiter, int index, const struct pose *pose, nsec_t now_ns);
 

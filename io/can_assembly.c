@@ -12,6 +12,12 @@
 
 #define LENGTH(array) (sizeof(array) / sizeof((array)[0]))
 
+#define CYCLE_DEFAULT_NS (100 * NSEC_PER_MSEC) /* of the position, until two have come */
+#define TOGETHER_NS      (4 * NSEC_PER_MSEC)   /* what comes within that is of one cycle */
+#define HEIGHT_GONE      3   /* cycles of the position without it: then another height has to do */
+#define SLOPE_S          0.1 /* over which it is taken, and may be used */
+#define SLOPE_MOST       300.0 /* m/s^2 or deg/s: beyond it somebody was moved */
+
 static const struct {
     double limit; /* of its magnitude */
     const char *name;
@@ -79,6 +85,16 @@ static double number(const struct can_assembly *assembly, enum can_quantity quan
     return assembly->pieces[quantity].value;
 }
 
+/* What it was or will be at an instant nearby: one that was lost is made up for by how it changed.
+ */
+static double number_at(const struct can_assembly *assembly, enum can_quantity quantity,
+                        nsec_t at_ns)
+{
+    const struct can_piece *piece = &assembly->pieces[quantity];
+    double dt_s = seconds_from_ns(at_ns - piece->time_ns);
+    return piece->value + piece->slope * fmax(fmin(dt_s, SLOPE_S), -SLOPE_S);
+}
+
 /* The true heading, by whichever of the headings there is. */
 static bool find_heading(const struct can_assembly *assembly, nsec_t now_ns, double *ret_deg)
 {
@@ -91,7 +107,7 @@ static bool find_heading(const struct can_assembly *assembly, nsec_t now_ns, dou
     if (magnetic && !live(assembly, CAN_MAGNETIC_VARIATION, now_ns))
         return false;
     double variation_deg = magnetic ? number(assembly, CAN_MAGNETIC_VARIATION) : 0.0;
-    *ret_deg = number(assembly, headings[i]) + variation_deg;
+    *ret_deg = number_at(assembly, headings[i], now_ns) + variation_deg;
     return true;
 }
 
@@ -102,8 +118,8 @@ static void add_attitude(const struct can_assembly *assembly, nsec_t now_ns, str
         !find_heading(assembly, now_ns, &heading_deg))
         return;
     pose->valid |= POSE_ATTITUDE;
-    pose->attitude = (struct attitude){.roll_deg = number(assembly, CAN_ROLL),
-                                       .pitch_deg = number(assembly, CAN_PITCH),
+    pose->attitude = (struct attitude){.roll_deg = number_at(assembly, CAN_ROLL, now_ns),
+                                       .pitch_deg = number_at(assembly, CAN_PITCH, now_ns),
                                        .heading_deg = heading_deg};
 }
 
@@ -131,20 +147,22 @@ static bool by_body_axes(const struct can_assembly *assembly, nsec_t now_ns, str
     return true;
 }
 
-/* Needs the attitude for the velocity in body axes. */
-static void add_velocity(const struct can_assembly *assembly, nsec_t now_ns, struct pose *pose)
+/* That of `at_ns`, from what counts at `now_ns`. Needs the attitude for the velocity in body axes.
+ */
+static void add_velocity(const struct can_assembly *assembly, nsec_t now_ns, nsec_t at_ns,
+                         struct pose *pose)
 {
     double *ned_mps = pose->velocity_ned_mps;
     bool level = live(assembly, CAN_NORTH, now_ns) && live(assembly, CAN_EAST, now_ns);
     if (level) {
-        ned_mps[0] = number(assembly, CAN_NORTH);
-        ned_mps[1] = number(assembly, CAN_EAST);
+        ned_mps[0] = number_at(assembly, CAN_NORTH, at_ns);
+        ned_mps[1] = number_at(assembly, CAN_EAST, at_ns);
     } else {
         level = along_track(assembly, CAN_GPS_SPEED, now_ns, ned_mps) ||
                 along_track(assembly, CAN_INS_SPEED, now_ns, ned_mps);
     }
     if (level && live(assembly, CAN_UP, now_ns))
-        ned_mps[2] = -number(assembly, CAN_UP);
+        ned_mps[2] = -number_at(assembly, CAN_UP, at_ns);
     else if (level && live(assembly, CAN_ALTITUDE_RATE, now_ns))
         ned_mps[2] = -number(assembly, CAN_ALTITUDE_RATE);
     if (level || by_body_axes(assembly, now_ns, pose))
@@ -181,31 +199,49 @@ static bool fix_live(const struct can_fix *fix, nsec_t now_ns)
     return fix->known && now_ns - fix->time_ns <= CAN_STALE_NS;
 }
 
-/* The newest fix, carried to `now_ns`, which may be a little before it. */
-static bool add_position(const struct can_assembly *assembly, nsec_t now_ns,
-                         struct pose_sample *sample)
+/* The best that there is; NULL where there is none. */
+static const struct can_fix *find_fix(const struct can_assembly *assembly, nsec_t now_ns)
 {
-    bool gps = fix_live(&assembly->gps, now_ns);
-    const struct can_fix *newest = gps ? &assembly->gps : &assembly->ins;
-    enum can_quantity height = gps ? CAN_GPS_HEIGHT : CAN_INS_HEIGHT;
-    if (!fix_live(newest, now_ns) || !find_height(assembly, height, now_ns, &height))
+    return fix_live(&assembly->gps, now_ns)   ? &assembly->gps
+           : fix_live(&assembly->ins, now_ns) ? &assembly->ins
+                                              : NULL;
+}
+
+/* The height of a fix above whatever it is told above: its own, or one of another cycle carried to
+ * it. */
+static bool height_of_fix(const struct can_assembly *assembly, const struct can_fix *fix,
+                          nsec_t now_ns, double up_mps, struct pose_sample *sample)
+{
+    enum can_quantity height;
+    sample->pose.position.height_m = fix->height_m;
+    sample->datum = ALTITUDE_ELLIPSOID;
+    if (fix->has_height)
+        return true;
+    if (!find_height(assembly, fix == &assembly->gps ? CAN_GPS_HEIGHT : CAN_INS_HEIGHT, now_ns,
+                     &height))
         return false;
-    nsec_t fix_ns = newest->time_ns;
-    double up_mps = sample->pose.valid & POSE_VELOCITY ? -sample->pose.velocity_ned_mps[2] : 0.0;
-    double height_age_s = seconds_from_ns(fix_ns - assembly->pieces[height].time_ns);
-    struct pose fix = {.valid = POSE_POSITION | (sample->pose.valid & POSE_VELOCITY),
-                       .position = {.lat_deg = newest->lat_deg,
-                                    .lon_deg = newest->lon_deg,
-                                    .height_m = number(assembly, height) + up_mps * height_age_s}};
-    memcpy(fix.velocity_ned_mps, sample->pose.velocity_ned_mps, sizeof(fix.velocity_ned_mps));
-    struct pose carried = fix;
-    if (fix.valid & POSE_VELOCITY)
-        pose_extrapolate(&fix, seconds_from_ns(now_ns - fix_ns), &carried);
-    sample->pose.position = carried.position;
-    sample->pose.position_age_ns = now_ns - fix_ns;
-    sample->pose.valid |= POSE_POSITION;
-    sample->datum = height == CAN_TRUE_ALTITUDE || height == CAN_BARO_ALTITUDE ? ALTITUDE_EGM96
-                                                                               : ALTITUDE_ELLIPSOID;
+    double age_s = seconds_from_ns(fix->time_ns - assembly->pieces[height].time_ns);
+    sample->pose.position.height_m = number(assembly, height) + up_mps * age_s;
+    if (height == CAN_TRUE_ALTITUDE || height == CAN_BARO_ALTITUDE)
+        sample->datum = ALTITUDE_EGM96;
+    return true;
+}
+
+/* The fix, carried to `now_ns`, which may be a little before it. */
+static bool add_position(const struct can_assembly *assembly, const struct can_fix *fix,
+                         nsec_t now_ns, struct pose_sample *sample)
+{
+    struct pose *pose = &sample->pose;
+    double up_mps = pose->valid & POSE_VELOCITY ? -pose->velocity_ned_mps[2] : 0.0;
+    if (!height_of_fix(assembly, fix, now_ns, up_mps, sample))
+        return false;
+    pose->position.lat_deg = fix->lat_deg;
+    pose->position.lon_deg = fix->lon_deg;
+    pose->position_age_ns = now_ns - fix->time_ns;
+    pose->valid |= POSE_POSITION;
+    struct pose carried;
+    pose_extrapolate(pose, seconds_from_ns(pose->position_age_ns), &carried);
+    pose->position = carried.position;
     return true;
 }
 
@@ -213,10 +249,13 @@ static bool make_sample(const struct can_assembly *assembly, nsec_t now_ns,
                         struct pose_sample *ret_sample)
 {
     struct pose_sample sample = {.pose = {.time_ns = now_ns, .receive_ns = now_ns}};
+    const struct can_fix *fix = find_fix(assembly, now_ns);
+    if (!fix)
+        return false;
     add_attitude(assembly, now_ns, &sample.pose);
-    add_velocity(assembly, now_ns, &sample.pose);
+    add_velocity(assembly, now_ns, fix->time_ns, &sample.pose);
     add_rates(assembly, now_ns, &sample.pose);
-    if (!add_position(assembly, now_ns, &sample))
+    if (!add_position(assembly, fix, now_ns, &sample))
         return false;
     decode_normalise(&sample.pose);
     *ret_sample = sample;
@@ -249,37 +288,63 @@ static bool attitude_complete(const struct can_assembly *assembly, enum can_quan
 
 static bool is_position(enum can_quantity quantity)
 {
-    return quantity == CAN_GPS_LATITUDE || quantity == CAN_GPS_LONGITUDE ||
-           quantity == CAN_INS_LATITUDE || quantity == CAN_INS_LONGITUDE;
+    return quantity >= CAN_GPS_LATITUDE && quantity <= CAN_INS_HEIGHT;
 }
 
-/* Returns true where `quantity`, just stored, makes a fix with its other coordinate. One that waits
- * since longer than half a cycle is of the last cycle, whose partner was lost. */
+/* Bits of can_fix.fresh, in the order of the quantities. */
+#define FRESH_PLACE  3u
+#define FRESH_HEIGHT 4u
+
+/* The shorter one of both: a loss makes the other look longer. */
+static nsec_t cycle_of_fix(const struct can_piece *lat, const struct can_piece *lon)
+{
+    if (lat->cycle_ns == 0 || lon->cycle_ns == 0)
+        return lat->cycle_ns + lon->cycle_ns > 0 ? lat->cycle_ns + lon->cycle_ns : CYCLE_DEFAULT_NS;
+    return lat->cycle_ns < lon->cycle_ns ? lat->cycle_ns : lon->cycle_ns;
+}
+
+/* Returns true where `quantity`, just stored, makes a fix with what else came of its cycle. What
+ * waits since longer than half a cycle is of the last one, of which a part was lost: a height that
+ * is a cycle old would have to be carried by a time that jitters, which is seen as a bump. */
 static bool complete_fix(struct can_assembly *assembly, enum can_quantity quantity)
 {
-    bool gps = quantity == CAN_GPS_LATITUDE || quantity == CAN_GPS_LONGITUDE;
-    bool is_lat = quantity == CAN_GPS_LATITUDE || quantity == CAN_INS_LATITUDE;
+    bool gps = quantity <= CAN_GPS_HEIGHT;
     struct can_fix *fix = gps ? &assembly->gps : &assembly->ins;
-    int lat_at = gps ? CAN_GPS_LATITUDE : CAN_INS_LATITUDE;
-    const struct can_piece *lat = &assembly->pieces[lat_at], *lon = lat + 1;
-    const struct can_piece *mine = is_lat ? lat : lon, *other = is_lat ? lon : lat;
-    bool *other_fresh = is_lat ? &fix->lon_fresh : &fix->lat_fresh;
-    if (mine->cycle_ns > 0 && mine->time_ns - other->time_ns > mine->cycle_ns / 2)
-        *other_fresh = false;
-    *(is_lat ? &fix->lat_fresh : &fix->lon_fresh) = true;
-    if (!*other_fresh)
+    const struct can_piece *lat = &assembly->pieces[gps ? CAN_GPS_LATITUDE : CAN_INS_LATITUDE];
+    const struct can_piece *lon = lat + 1, *height = lat + 2, *mine = &assembly->pieces[quantity];
+    nsec_t cycle_ns = cycle_of_fix(lat, lon);
+    nsec_t apart_ns = cycle_ns / 2 > TOGETHER_NS ? cycle_ns / 2 : TOGETHER_NS;
+    for (int i = 0; i < 3; i++)
+        if (mine->time_ns - lat[i].time_ns > apart_ns)
+            fix->fresh &= ~(1u << i);
+    fix->fresh |= 1u << (mine - lat);
+    bool as_often = height->known && height->cycle_ns < 2 * cycle_ns &&
+                    mine->time_ns - height->time_ns < HEIGHT_GONE * cycle_ns &&
+                    mine->time_ns - fix->time_ns < HEIGHT_GONE * cycle_ns;
+    unsigned wanted = as_often ? FRESH_PLACE | FRESH_HEIGHT : FRESH_PLACE;
+    if ((fix->fresh & wanted) != wanted)
         return false;
-    *fix = (struct can_fix){
-        .known = true, .lat_deg = lat->value, .lon_deg = lon->value, .time_ns = mine->time_ns};
+    *fix = (struct can_fix){.known = true,
+                            .has_height = as_often,
+                            .lat_deg = lat->value,
+                            .lon_deg = lon->value,
+                            .height_m = height->value,
+                            .time_ns = lat->time_ns > lon->time_ns ? lat->time_ns : lon->time_ns};
     return true;
 }
 
-static void store(struct can_piece *piece, double value, nsec_t now_ns)
+static void store(struct can_piece *piece, double value, bool wraps, nsec_t now_ns)
 {
     piece->interval_ns = piece->known ? now_ns - piece->time_ns : 0;
     nsec_t longer_ns = piece->cycle_ns + piece->cycle_ns / 16;
     piece->cycle_ns =
         piece->cycle_ns > 0 && piece->interval_ns > longer_ns ? longer_ns : piece->interval_ns;
+    double dt_s = fmax(seconds_from_ns(piece->interval_ns), 0.0);
+    double off = value - piece->value - piece->slope * dt_s;
+    if (piece->known)
+        piece->slope += (wraps ? remainder(off, 360.0) : off) / (SLOPE_S + dt_s);
+    if (fabs(piece->slope) > SLOPE_MOST)
+        piece->slope = 0.0;
     piece->known = true;
     piece->value = value;
     piece->time_ns = now_ns;
@@ -298,7 +363,7 @@ int can_assembly_take(struct can_assembly *assembly, enum can_quantity quantity,
 {
     struct can_piece *piece = &assembly->pieces[quantity];
     if (!is_angle(quantity)) {
-        store(piece, value, now_ns);
+        store(piece, value, false, now_ns);
         return is_position(quantity) && complete_fix(assembly, quantity) &&
                !attitude_flows(assembly, now_ns) && make_sample(assembly, now_ns, ret_sample);
     }
@@ -306,12 +371,12 @@ int can_assembly_take(struct can_assembly *assembly, enum can_quantity quantity,
     if (assembly->fresh_attitude & bit) {
         /* Round again before the others came: give out what was there, keep this for the next. */
         bool made = make_sample(assembly, assembly->fresh_since_ns, ret_sample);
-        store(piece, value, now_ns);
+        store(piece, value, true, now_ns);
         assembly->fresh_attitude = bit;
         assembly->fresh_since_ns = now_ns;
         return made;
     }
-    store(piece, value, now_ns);
+    store(piece, value, true, now_ns);
     assembly->fresh_attitude |= bit;
     assembly->fresh_since_ns = now_ns;
     if (!attitude_complete(assembly, quantity, now_ns))

@@ -46,13 +46,14 @@ struct can_piece {
     double value;
     nsec_t time_ns, interval_ns; /* of the newest, and since the one before it */
     nsec_t cycle_ns;             /* the interval without what a loss adds to it */
+    double slope;                /* of the value, a second, over the last 0.1 s */
 };
 
-/* A latitude and a longitude of the same cycle. */
+/* A latitude and a longitude of the same cycle, and their height where it comes as often. */
 struct can_fix {
-    bool known;
-    bool lat_fresh, lon_fresh; /* came since the last fix */
-    double lat_deg, lon_deg;
+    bool known, has_height;
+    unsigned fresh; /* bits: latitude, longitude, height came since the last fix */
+    double lat_deg, lon_deg, height_m;
     nsec_t time_ns;
 };
 

@@ -5,6 +5,7 @@
  * marry the next pair's. */
 #include "io/canaerospace.h"
 
+#include <assert.h>
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -55,23 +56,24 @@ static const uint16_t ids[CAN_QUANTITIES] = {
     [CAN_TRUE_HEADING] = 1133,
 };
 
-uint32_t canaerospace_id(enum can_quantity quantity)
+uint32_t canaerospace_id(enum can_quantity quantity, unsigned redundancy)
 {
-    return ids[quantity];
+    assert(redundancy <= CANAEROSPACE_REDUNDANCY_MAX);
+    return redundancy > 0 ? CAN_EFF_FLAG | (ids[quantity] + (redundancy << 16)) : ids[quantity];
 }
 
-void canaerospace_init(struct canaerospace *state)
+void canaerospace_init(struct canaerospace *state, unsigned redundancy)
 {
-    *state = (struct canaerospace){0};
+    *state = (struct canaerospace){.redundancy = redundancy};
 }
 
-static int quantity_of_id(uint32_t can_id)
+static int quantity_of_id(const struct canaerospace *state, uint32_t can_id)
 {
     if (can_id & (CAN_ERR_FLAG | CAN_RTR_FLAG))
         return -1;
     uint32_t id = can_id & (can_id & CAN_EFF_FLAG ? CAN_EFF_MASK : CAN_SFF_MASK);
     for (int i = 0; i < CAN_QUANTITIES; i++)
-        if (ids[i] == id)
+        if (ids[i] + (state->redundancy << 16) == id)
             return i;
     return -1;
 }
@@ -157,7 +159,7 @@ static int decode_value(struct canaerospace_channel *channel, enum can_quantity 
 int canaerospace_take(struct canaerospace *state, const struct can_frame *frame, nsec_t now_ns,
                       struct pose_sample *ret_sample, struct rejection *ret_rejection)
 {
-    int quantity = quantity_of_id(frame->can_id);
+    int quantity = quantity_of_id(state, frame->can_id);
     if (quantity < 0)
         return 0;
     state->frames++;
@@ -197,7 +199,8 @@ bool canaerospace_identify(const struct can_frame *frame, uint8_t node,
 static void put_word(struct canaerospace_encoder *encoder, enum can_quantity quantity, uint8_t type,
                      uint32_t word, struct can_frame *ret_frame)
 {
-    struct can_frame frame = {.can_id = ids[quantity], .can_dlc = 8};
+    struct can_frame frame = {.can_id = canaerospace_id(quantity, encoder->redundancy),
+                              .can_dlc = 8};
     frame.data[0] = encoder->node;
     frame.data[1] = type;
     frame.data[3] = encoder->codes[quantity];

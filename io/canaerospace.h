@@ -7,8 +7,12 @@
 
 #include "io/can_assembly.h"
 
-/* The CAN identifier that carries a quantity. */
-uint32_t canaerospace_id(enum can_quantity quantity);
+/* The redundancy channels that 29-bit identifiers have room for; 0 is the first source. */
+#define CANAEROSPACE_REDUNDANCY_MAX 8190
+
+/* The CAN identifier that carries a quantity: of channel 0 that of 11 bits, of others with
+ * CAN_EFF_FLAG (section 4 of the specification: 65536 more for each). */
+uint32_t canaerospace_id(enum can_quantity quantity, unsigned redundancy);
 
 struct canaerospace_half {
     bool present;
@@ -26,13 +30,14 @@ struct canaerospace_channel {
 };
 
 struct canaerospace {
+    unsigned redundancy; /* the channel that is listened to */
     struct canaerospace_channel channels[CAN_QUANTITIES];
     struct can_assembly assembly;
     uint64_t frames; /* that carried a quantity of ours, accepted or not */
     uint64_t lost;   /* by gaps in the message codes */
 };
 
-void canaerospace_init(struct canaerospace *state);
+void canaerospace_init(struct canaerospace *state, unsigned redundancy);
 
 /* Takes one frame. Returns 1 with a new pose (can_assembly_take()), 0 where there is none yet or
  * the frame is no quantity of ours, or -EBADMSG. */
@@ -48,6 +53,7 @@ bool canaerospace_identify(const struct can_frame *frame, uint8_t node,
  * two halves; everything else with each, as floats. */
 struct canaerospace_encoder {
     uint8_t node;
+    unsigned redundancy;
     unsigned position_every; /* 0 = 1 */
     unsigned count;
     uint8_t codes[CAN_QUANTITIES];

@@ -70,6 +70,7 @@ static void place_entity(const struct cigi_scene *scene, struct cigi_entity *ent
 {
     entity->control.placement = *placement;
     entity->placed = true;
+    entity->placed_ns = receive_ns;
     memcpy(entity->place, placement->place, sizeof(entity->place));
     if (!placement->attach)
         entity->place[1] = longitude_normalised_deg(entity->place[1]);
@@ -165,12 +166,14 @@ static int take_short_part(struct cigi_scene *scene,
                            const struct cigi_short_articulated_part *control,
                            struct rejection *ret_rejection)
 {
+    for (int i = 0; i < 2; i++)
+        if (control->freedom[i] > 6)
+            return reject(ret_rejection, REJECT_FIELD, 0, "%u is no degree of freedom",
+                          control->freedom[i]);
     for (int i = 0; i < 2; i++) {
         uint8_t freedom = control->freedom[i];
         if (freedom == 0)
             continue;
-        if (freedom > 6)
-            return reject(ret_rejection, REJECT_FIELD, 0, "%u is no degree of freedom", freedom);
         struct cigi_part *part = part_of(scene, control->entity, control->part[i], ret_rejection);
         if (!part)
             return -EBADMSG;

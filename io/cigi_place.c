@@ -137,6 +137,14 @@ int cigi_scene_entity_pose(const struct cigi_scene *scene, uint16_t entity,
     return r;
 }
 
+const struct cigi_entity *cigi_scene_root(const struct cigi_scene *scene, uint16_t id)
+{
+    const struct cigi_entity *entity = cigi_scene_entity(scene, id);
+    while (entity->control.placement.attach)
+        entity = cigi_scene_entity(scene, entity->control.placement.parent);
+    return entity;
+}
+
 size_t cigi_scene_seen(const struct cigi_scene *scene, uint16_t except,
                        const struct cigi_ground *ground, struct cigi_seen *ret_seen,
                        size_t capacity)
@@ -151,11 +159,13 @@ size_t cigi_scene_seen(const struct cigi_scene *scene, uint16_t except,
             continue;
         struct cigi_seen seen = {.entity = (uint16_t)entity->id,
                                  .type = control->type,
-                                 .kind = control->extended ? control->dis_kind : 0,
-                                 .domain = control->extended ? control->dis_domain : 0,
-                                 .alpha = control->alpha};
-        geocentric_from_geodetic(&pose.position, seen.ecef_m);
-        seen.ecef_from_body = ecef_quaternion_from_attitude(&pose.position, &pose.attitude);
+                                 .enumerated = control->extended,
+                                 .domain = control->dis_domain,
+                                 .alpha = control->alpha,
+                                 .pose = pose};
+        const struct cigi_entity *root = cigi_scene_root(scene, (uint16_t)entity->id);
+        seen.placed_ns = root->placed_ns;
+        seen.moves = root->moving || root->control.placement.clamp != CIGI_UNCLAMPED;
         ret_seen[count++] = seen;
     }
     return count;

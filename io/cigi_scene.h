@@ -23,7 +23,8 @@ struct cigi_entity {
                                  any, where rates have turned it */
     bool moving;              /* by `rate` */
     struct cigi_rate rate;
-    nsec_t time_ns; /* of place and attitude; 0: nobody has begun a frame with them */
+    nsec_t placed_ns; /* when the message came that placed it last */
+    nsec_t time_ns;   /* of place and attitude; 0: nobody has begun a frame with them */
 };
 
 struct cigi_part {
@@ -90,11 +91,14 @@ int cigi_scene_eye_pose(const struct cigi_scene *scene, uint16_t view,
 /* An entity to be drawn. */
 struct cigi_seen {
     uint16_t entity;
-    uint16_t type;        /* as the host numbers them; of a DIS enumeration (4.0) the country */
-    uint8_t kind, domain; /* of a DIS enumeration; else 0 */
+    uint16_t type;   /* as the host numbers them */
+    bool enumerated; /* by DIS (4.0): then the country is in the place of the type */
+    uint8_t domain;  /* of a DIS enumeration */
     uint8_t alpha;
-    double ecef_m[3];
-    struct quaternion ecef_from_body;
+    struct pose pose;
+    /* Of what it is attached to in the end, or its own: */
+    nsec_t placed_ns; /* as struct cigi_entity has it */
+    bool moves;       /* though nobody places it: by its rates, or over the ground */
 };
 
 /* The active entities that have a place, but for one, in the order of their numbers; at most
@@ -102,6 +106,9 @@ struct cigi_seen {
 size_t cigi_scene_seen(const struct cigi_scene *scene, uint16_t except,
                        const struct cigi_ground *ground, struct cigi_seen *ret_seen,
                        size_t capacity);
+
+/* What an entity that has a pose is attached to in the end; itself where it is to nothing. */
+const struct cigi_entity *cigi_scene_root(const struct cigi_scene *scene, uint16_t entity);
 
 const struct cigi_entity *cigi_scene_entity(const struct cigi_scene *scene, uint16_t entity);
 const struct cigi_view *cigi_scene_view(const struct cigi_scene *scene, uint16_t view);
@@ -124,7 +131,8 @@ void cigi_scene_reset(struct cigi_scene *scene);
 
 /* Takes a packet that came at `receive_ns`; `entities_placed`: Entity Control has a place, as
  * in 3.x. Returns 0; 1 where it is none that changes the scene; or -EBADMSG, and nothing has
- * changed: REJECT_REFERENCE, REJECT_RANGE, REJECT_FIELD, REJECT_LIMIT. */
+ * changed: REJECT_REFERENCE, REJECT_RANGE, REJECT_FIELD, REJECT_LIMIT (where of two parts in a
+ * packet the second finds no room, the first has been taken). */
 int cigi_scene_take(struct cigi_scene *scene, const struct cigi_packet *packet,
                     bool entities_placed, nsec_t receive_ns, struct rejection *ret_rejection);
 

@@ -1,6 +1,7 @@
 #include "io/cigi_session.h"
 
 #include <errno.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -56,7 +57,7 @@ static void fill_params(struct cigi_session_params *params)
     }
     if (view->near_m == view->far_m) {
         view->near_m = 0.5f;
-        view->far_m = 1e6f;
+        view->far_m = INFINITY;
     }
     struct cigi_scene_limits *limits = &params->limits;
     limits->entities = or_else(limits->entities, 1024);

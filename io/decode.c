@@ -19,6 +19,17 @@ const char *reject_reason_name(enum reject_reason reason)
     return names[reason];
 }
 
+void reject_list(const uint64_t rejected[REJECT_REASONS], char *ret_text, size_t size)
+{
+    size_t used = 0;
+    snprintf(ret_text, size, "nothing");
+    for (int i = 0; i < REJECT_REASONS && used < size; i++)
+        if (rejected[i])
+            used += (size_t)snprintf(ret_text + used, size - used, "%s%s %llu", used ? ", " : "",
+                                     reject_reason_name((enum reject_reason)i),
+                                     (unsigned long long)rejected[i]);
+}
+
 int reject(struct rejection *ret_rejection, enum reject_reason reason, size_t offset,
            const char *format, ...)
 {

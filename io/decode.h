@@ -30,6 +30,9 @@ enum reject_reason {
 /* The counter's name, such as "not-finite". Static. */
 const char *reject_reason_name(enum reject_reason reason);
 
+/* How often each: "magic 3, length 1"; "nothing". */
+void reject_list(const uint64_t rejected[REJECT_REASONS], char *ret_text, size_t size);
+
 struct rejection {
     enum reject_reason reason;
     size_t offset; /* byte of the packet at which it went wrong */

@@ -48,9 +48,8 @@ struct dis_entity {
 
 /* Reads the PDU that begins at `data`; a datagram may hold several. Returns 0 with the state of an
  * entity that the filter wants; DIS_OTHER_PDU for one of another type, or of another entity, whose
- * numbers are then not looked at; -EBADMSG. `ret_size` is how long the PDU is, unless it is
- * refused.
- */
+ * numbers are then not looked at; -EBADMSG. `ret_size` is how long the PDU is, untouched where
+ * that is what is wrong. */
 int dis_decode(const void *data, size_t size, const struct dis_filter *filter, size_t *ret_size,
                struct dis_entity *ret_entity, struct rejection *ret_rejection);
 

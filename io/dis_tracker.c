@@ -1,6 +1,6 @@
 #include "io/dis_tracker.h"
 
-#include <string.h>
+#include <errno.h>
 
 #define UNITS_PER_S (0x1p31 / 3600.0)
 #define LATE_MOST   ((int64_t)(5 * UNITS_PER_S)) /* further back is a clock that was set */
@@ -45,29 +45,33 @@ static int take_entity(struct dis_tracker *tracker, const struct dis_entity *ent
 int dis_tracker_take(struct dis_tracker *tracker, const void *data, size_t size,
                      struct pose_sample *ret_sample, struct rejection *ret_rejection)
 {
-    struct dis_tracker next = *tracker;
     struct pose_sample sample = {.datum = ALTITUDE_ELLIPSOID};
+    struct rejection first = {.reason = REJECT_NONE};
     size_t offset = 0, pdu_size;
     bool heard = false;
     do {
         struct dis_entity entity;
-        const uint8_t *at = (const uint8_t *)data + offset;
-        int r = dis_decode(at, size - offset, &next.filter, &pdu_size, &entity, ret_rejection);
+        struct rejection rejection;
+        pdu_size = 0;
+        int r = dis_decode((const uint8_t *)data + offset, size - offset, &tracker->filter,
+                           &pdu_size, &entity, &rejection);
         if (r == 0) {
-            heard = true;
-            r = take_entity(&next, &entity, &sample.sender_ns, ret_rejection);
+            r = take_entity(tracker, &entity, &sample.sender_ns, &rejection);
+            heard |= r == 0;
         }
-        if (r < 0) {
-            if (ret_rejection)
-                ret_rejection->offset += offset;
-            return r;
+        if (r < 0 && first.reason == REJECT_NONE) {
+            first = rejection;
+            first.offset += offset;
         }
         offset += pdu_size;
-    } while (offset < size);
-    *tracker = next;
-    if (!heard || !next.known)
+    } while (pdu_size > 0 && offset < size);
+    if (first.reason != REJECT_NONE && ret_rejection)
+        *ret_rejection = first;
+    if (!heard)
+        return first.reason != REJECT_NONE ? -EBADMSG : 0;
+    if (!tracker->known)
         return 0;
-    pose_from_dis_motion(&next.motion, &sample.pose);
+    pose_from_dis_motion(&tracker->motion, &sample.pose);
     *ret_sample = sample;
     return 1;
 }

@@ -18,7 +18,9 @@ void dis_tracker_init(struct dis_tracker *tracker, const struct dis_filter *filt
 
 /* Takes a datagram of one or more PDUs. Returns 1 with a sample of the entity's newest state (the
  * caller then sets state_ns), 0 where it is not about the entity or takes it out of the exercise,
- * or -EBADMSG for the first PDU that is wrong, or late (REJECT_LATE): then nothing of it counts. */
+ * or -EBADMSG. Whichever it is, `ret_rejection` tells of the first PDU that is wrong, or late
+ * (REJECT_LATE), and is untouched where there is none: the others count, unless its length is what
+ * is wrong, which ends the datagram. */
 int dis_tracker_take(struct dis_tracker *tracker, const void *data, size_t size,
                      struct pose_sample *ret_sample, struct rejection *ret_rejection);
 

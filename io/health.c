@@ -1,6 +1,9 @@
 #include "io/health.h"
 
+#include <errno.h>
+#include <inttypes.h>
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 #define NONE_U16 65535
@@ -185,6 +188,31 @@ void health_decode(const uint16_t r[HEALTH_REGISTERS], const uint8_t bits[HEALTH
     };
     decode_pose(r, &h);
     *ret_health = h;
+}
+
+void health_swap_format(const struct health_swap *swap, char ret_text[HEALTH_SWAP_TEXT_MAX])
+{
+    ret_text[0] = '\0';
+    if (swap->channels > 0)
+        snprintf(ret_text, HEALTH_SWAP_TEXT_MAX,
+                 "%u of %u in step, %" PRIu64 " frames, %" PRIu64 " time-outs, %" PRIu64
+                 " out of step, skew %" PRId64 " us",
+                 swap->present, swap->channels, swap->frames, swap->timeouts, swap->out_of_step,
+                 swap->skew_worst_ns / NSEC_PER_USEC);
+}
+
+int health_swap_parse(const char *text, struct health_swap *ret_swap)
+{
+    struct health_swap swap = {0};
+    int64_t skew_us = 0;
+    int fields = sscanf(text,
+                        "%u of %u in step, %" SCNu64 " frames, %" SCNu64 " time-outs, %" SCNu64
+                        " out of step, skew %" SCNd64 " us",
+                        &swap.present, &swap.channels, &swap.frames, &swap.timeouts,
+                        &swap.out_of_step, &skew_us);
+    swap.skew_worst_ns = skew_us * NSEC_PER_USEC;
+    *ret_swap = fields == 6 ? swap : (struct health_swap){0};
+    return fields == 6 ? 0 : -EBADMSG;
 }
 
 const char *health_state_name(unsigned state)

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <stdbool.h>
+#include <stddef.h>
 #include <stdint.h>
 
 #include "base/clock.h"
@@ -39,6 +40,14 @@ struct health_times {
     nsec_t p50_ns, p99_ns, max_ns;
 };
 
+/* Channels in step, since the start; not in the registers, but an identification object of its own.
+ */
+struct health_swap {
+    unsigned channels, present; /* 0: there is no swap lock */
+    uint64_t frames, timeouts, out_of_step;
+    nsec_t skew_worst_ns;
+};
+
 struct health {
     uint16_t map_version; /* decoding only; encoding writes HEALTH_MAP_VERSION */
     enum health_state state;
@@ -69,6 +78,8 @@ struct health {
     unsigned modbus_clients; /* the server fills it in itself */
     uint32_t config_generation;
 
+    struct health_swap swap;
+
     bool pose_valid;
     bool deadlines_met; /* none missed in the last second */
     bool terrain_complete;
@@ -90,6 +101,14 @@ void health_encode(const struct health *health, uint16_t ret_registers[HEALTH_RE
 /* The same backwards; the control fields become zero. Pure. */
 void health_decode(const uint16_t registers[HEALTH_REGISTERS], const uint8_t bits[HEALTH_BITS],
                    struct health *ret_health);
+
+#define HEALTH_SWAP_OBJECT   0x80 /* of Modbus device identification; the first private one */
+#define HEALTH_SWAP_TEXT_MAX 160
+
+/* "3 of 3 in step, 1200 frames, 1 time-outs, 2 out of step, skew 310 us"; "" without a lock. */
+void health_swap_format(const struct health_swap *swap, char ret_text[HEALTH_SWAP_TEXT_MAX]);
+/* The same backwards; -EBADMSG, and zeroed, for anything else. */
+int health_swap_parse(const char *text, struct health_swap *ret_swap);
 
 /* "running", "bus-off"; "unknown" for a number that the map does not have. */
 const char *health_state_name(unsigned state);

@@ -54,7 +54,7 @@ void intake_init(struct intake *intake, const struct intake_params *params)
 {
     assert(params->geoid.undulation_m);
     *intake = (struct intake){.params = *params, .agl_m = NAN};
-    canaerospace_init(&intake->can);
+    canaerospace_init(&intake->can, params->redundancy);
     dis_tracker_init(&intake->dis, &params->dis);
 }
 
@@ -153,7 +153,7 @@ static int decode_dis(struct intake *intake, const void *data, size_t size,
                       struct pose_sample *ret_sample, struct rejection *ret_rejection)
 {
     int r = dis_tracker_take(&intake->dis, data, size, ret_sample, ret_rejection);
-    if (r < 0 && ret_rejection->reason == REJECT_LATE)
+    if (ret_rejection->reason == REJECT_LATE)
         intake->counters.reordered++;
     return r;
 }
@@ -179,11 +179,11 @@ static void note_accepted(struct intake *intake, nsec_t receive_ns, struct pose 
     }
 }
 
-/* Counts a refusal; other results pass through. */
+/* Counts a refusal, of all or of a part; the result passes through. */
 static int counted(struct intake *intake, int r, const struct rejection *rejection,
                    struct rejection *ret_rejection)
 {
-    if (r >= 0)
+    if (rejection->reason == REJECT_NONE)
         return r;
     intake->counters.rejected[rejection->reason]++;
     if (ret_rejection)
@@ -197,7 +197,7 @@ int intake_packet(struct intake *intake, const void *data, size_t size, nsec_t r
     assert(!pose_protocol_is_can(intake->params.protocol));
     intake->counters.received++;
     struct pose_sample sample;
-    struct rejection rejection;
+    struct rejection rejection = {.reason = REJECT_NONE};
     int r = decoders[intake->params.protocol](intake, data, size, &sample, &rejection);
     intake->counters.others += r == 0;
     if (r > 0)
@@ -212,7 +212,7 @@ int intake_frame(struct intake *intake, const struct can_frame *frame, nsec_t re
 {
     assert(pose_protocol_is_can(intake->params.protocol));
     struct pose_sample sample;
-    struct rejection rejection;
+    struct rejection rejection = {.reason = REJECT_NONE};
     int r;
     if (intake->params.protocol == POSE_PROTOCOL_CANAEROSPACE) {
         r = canaerospace_take(&intake->can, frame, receive_ns, &sample, &rejection);
@@ -235,9 +235,10 @@ size_t intake_can_ids(const struct intake_params *params, uint32_t ret_ids[INTAK
     size_t count = 0;
     if (params->protocol == POSE_PROTOCOL_CANAEROSPACE) {
         for (int i = 0; i < CAN_QUANTITIES; i++) {
-            uint32_t id = canaerospace_id((enum can_quantity)i);
+            uint32_t id = canaerospace_id((enum can_quantity)i, params->redundancy);
             ret_ids[count++] = id;
-            ret_ids[count++] = id | CAN_EFF_FLAG;
+            if (params->redundancy == 0)
+                ret_ids[count++] = id | CAN_EFF_FLAG;
         }
         return count;
     }

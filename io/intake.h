@@ -43,6 +43,7 @@ struct intake_params {
     struct geoid_function geoid; /* required */
     struct dis_filter dis;       /* whom a DIS source follows */
     struct can_table table;      /* of POSE_PROTOCOL_CAN_TABLE */
+    unsigned redundancy;         /* the channel of CANaerospace */
 };
 
 struct intake_counters {
@@ -71,7 +72,8 @@ struct intake {
 void intake_init(struct intake *intake, const struct intake_params *params);
 
 /* Takes one datagram. Returns 1 with a pose whose height is above the ellipsoid, 0 where it is not
- * about own-ship, or -EBADMSG. */
+ * about own-ship, or -EBADMSG. What of a datagram was refused though the rest is of use (of several
+ * PDUs of DIS) is counted and told of, too: `ret_rejection` is untouched where nothing was. */
 int intake_packet(struct intake *intake, const void *data, size_t size, nsec_t receive_ns,
                   struct pose *ret_pose, struct rejection *ret_rejection);
 

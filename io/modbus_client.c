@@ -2,8 +2,10 @@
 
 #include <errno.h>
 #include <modbus/modbus.h>
+#include <poll.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/socket.h>
 
 #include "io/address.h"
 
@@ -31,6 +33,39 @@ static int error_code(int error)
     return error >= MODBUS_ENOBASE ? -EPROTO : error == EINPROGRESS ? -ETIMEDOUT : -error;
 }
 
+/* libmodbus leaves its socket non-blocking. */
+static bool receive_all(int fd, unsigned timeout_ms, uint8_t *ret_data, size_t size)
+{
+    struct pollfd poll_fd = {.fd = fd, .events = POLLIN};
+    while (size > 0) {
+        ssize_t n = poll(&poll_fd, 1, (int)timeout_ms) > 0 ? recv(fd, ret_data, size, 0) : -1;
+        if (n <= 0)
+            return false;
+        ret_data += n;
+        size -= (size_t)n;
+    }
+    return true;
+}
+
+/* Reads the private object of device identification, which libmodbus does not know. An otwd without
+ * a swap lock, or an older one, refuses it: all zero. */
+static void read_swap(int fd, unsigned unit, unsigned timeout_ms, struct health_swap *ret_swap)
+{
+    const uint8_t request[] = {0, 1, 0, 0, 0, 5, (uint8_t)unit, 0x2b, 0x0e, 4, HEALTH_SWAP_OBJECT};
+    uint8_t head[7], body[256];
+    char text[HEALTH_SWAP_TEXT_MAX] = "";
+    *ret_swap = (struct health_swap){0};
+    if (send(fd, request, sizeof(request), MSG_NOSIGNAL) != sizeof(request) ||
+        !receive_all(fd, timeout_ms, head, sizeof(head)))
+        return;
+    size_t size = (size_t)(head[4] << 8 | head[5]) - 1;
+    if (size > sizeof(body) || size < 9 || !receive_all(fd, timeout_ms, body, size) ||
+        body[0] != 0x2b || body[8] != size - 9 || body[8] >= sizeof(text))
+        return;
+    memcpy(text, body + 9, body[8]);
+    health_swap_parse(text, ret_swap);
+}
+
 int modbus_client_read(const char *server, unsigned unit, unsigned timeout_ms,
                        struct health *ret_health, struct diag *diag)
 {
@@ -51,8 +86,10 @@ int modbus_client_read(const char *server, unsigned unit, unsigned timeout_ms,
     else if (registers[0] != HEALTH_MAP_VERSION)
         r = diag_set(diag, -EPROTO, "%s: map version %u; this otwd reads version %u", server,
                      registers[0], HEALTH_MAP_VERSION);
-    else
+    else {
         health_decode(registers, bits, ret_health);
+        read_swap(modbus_get_socket(modbus), unit, timeout_ms, &ret_health->swap);
+    }
     modbus_close(modbus);
     modbus_free(modbus);
     return r;

@@ -63,6 +63,7 @@ void modbus_replier_publish(struct modbus_replier *replier, const struct health 
     struct health own = *health;
     own.modbus_clients = mapping->tab_input_registers[HEALTH_REGISTER_CLIENTS];
     health_encode(&own, mapping->tab_input_registers, mapping->tab_input_bits);
+    health_swap_format(&health->swap, replier->swap);
     if (!replier->params.allow_control)
         return;
     double tens = health->visibility_m / 10.0;
@@ -87,7 +88,8 @@ static int refuse(const uint8_t *request, uint8_t exception, uint8_t *answer)
     return finish_answer(request, 2, answer);
 }
 
-/* Objects of device identification, V1.1b3 section 6.21: 0..2 basic, 3..6 regular. */
+/* Objects of device identification, V1.1b3 section 6.21: 0..2 basic, 3..6 regular; from 128
+ * private. */
 static const char *identity(const struct modbus_replier *replier, unsigned object)
 {
     switch (object) {
@@ -101,6 +103,8 @@ static const char *identity(const struct modbus_replier *replier, unsigned objec
         return "out-the-window daemon";
     case 6:
         return replier->params.channel ? replier->params.channel : "";
+    case HEALTH_SWAP_OBJECT:
+        return replier->swap[0] ? replier->swap : NULL;
     default:
         return NULL;
     }
@@ -109,7 +113,8 @@ static const char *identity(const struct modbus_replier *replier, unsigned objec
 static size_t put_object(const struct modbus_replier *replier, unsigned object, uint8_t *out)
 {
     const char *text = identity(replier, object);
-    size_t length = strnlen(text, 60); /* five of them fit into one PDU */
+    /* five of them fit into one PDU; a private one is read alone */
+    size_t length = strnlen(text, object < HEALTH_SWAP_OBJECT ? 60 : HEALTH_SWAP_TEXT_MAX);
     out[0] = (uint8_t)object;
     out[1] = (uint8_t)length;
     memcpy(out + 2, text, length);
@@ -125,7 +130,7 @@ static int identify(const struct modbus_replier *replier, const uint8_t *request
     if (size != MODBUS_HEADER + 4 || pdu[2] < 1 || pdu[2] > 4)
         return refuse(request, MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE, answer);
     unsigned code = pdu[2], first = pdu[3];
-    bool known = first <= 6 && identity(replier, first);
+    bool known = (first <= 6 || code == 4) && identity(replier, first);
     if (code == 4 && !known)
         return refuse(request, MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS, answer);
     unsigned last = code == 4 ? first : code == 1 ? 2 : 6;

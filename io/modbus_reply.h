@@ -16,6 +16,7 @@ struct modbus_replier {
     struct modbus_server_params params; /* strings borrowed */
     void *modbus;                       /* modbus_t, owned */
     void *mapping;                      /* modbus_mapping_t, owned */
+    char swap[HEALTH_SWAP_TEXT_MAX];
     int pair[2]; /* libmodbus writes its answers into [0], we take them from [1] */
 };
 

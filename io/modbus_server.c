@@ -13,15 +13,16 @@
 #include "io/modbus_reply.h"
 
 #define CLIENTS_MAX     64
-#define CLIENTS_USUAL   8
 #define IDLE_USUAL_MS   60000
 #define EVENTS_A_CALL   16
 #define REQUESTS_A_TURN 8 /* of one client before the others have theirs */
 #define SWEEP_PERIOD_MS 250
 #define EVICT_AFTER_NS  (2 * NSEC_PER_SEC)
+#define EVICT_MUTE_NS   (250 * NSEC_PER_MSEC)
 
 struct client {
     int fd;            /* -1 where free */
+    bool asked;        /* a whole request has come */
     nsec_t request_ns; /* when it connected or its last whole request came */
     size_t in_size;    /* bytes of `in` that are filled */
     size_t out_size;   /* bytes of `out` that are still to be sent, */
@@ -69,25 +70,32 @@ static void client_drop(struct modbus_server *server, struct client *client)
     modbus_replier_publish_clients(&server->replier, server->count);
 }
 
-/* Frees the place of whoever asked nothing for longest, where that is long enough: clients that
- * hang must not lock others out. */
+/* Whether a client is to give way before another: one that never asked anything before one that
+ * did, then the one that has been silent for longer. */
+static bool gives_way_before(const struct client *a, const struct client *b)
+{
+    return a->asked != b->asked ? b->asked : a->request_ns < b->request_ns;
+}
+
+/* Frees a place, where somebody has been silent for long enough: clients that hang must not lock
+ * others out, nor push those out that work. */
 static struct client *evict(struct modbus_server *server)
 {
     const struct modbus_server_params *params = &server->replier.params;
-    struct client *idlest = &server->clients[0];
+    struct client *first = &server->clients[0];
     for (unsigned i = 1; i < server->max_clients; i++)
-        if (server->clients[i].request_ns < idlest->request_ns)
-            idlest = &server->clients[i];
-    nsec_t idle_ns = server->now_ns - idlest->request_ns;
-    if (idle_ns < EVICT_AFTER_NS)
+        if (gives_way_before(&server->clients[i], first))
+            first = &server->clients[i];
+    nsec_t idle_ns = server->now_ns - first->request_ns;
+    if (idle_ns < (first->asked ? EVICT_AFTER_NS : EVICT_MUTE_NS))
         return NULL;
     union address address = {0};
     socklen_t length = sizeof(address);
-    getpeername(idlest->fd, &address.any, &length);
-    client_drop(server, idlest);
+    getpeername(first->fd, &address.any, &length);
+    client_drop(server, first);
     if (params->evicted)
         params->evicted(params->context, &address, idle_ns);
-    return idlest;
+    return first;
 }
 
 static struct client *free_client(struct modbus_server *server)
@@ -187,6 +195,7 @@ static bool client_answer(struct modbus_server *server, struct client *client)
         client->out_size = (size_t)answer;
         client->in_size -= (size_t)size;
         memmove(client->in, client->in + size, client->in_size);
+        client->asked = true;
         client->request_ns = server->now_ns;
         if (!client_send(client))
             return false;
@@ -327,7 +336,7 @@ int modbus_server_open(const struct modbus_server_params *params, struct modbus_
         return diag_set(diag, -ENOMEM, "%s: out of memory", params->listen);
     server->epoll_fd = server->listen_fd = server->timer_fd = -1;
     server->replier.pair[0] = server->replier.pair[1] = -1;
-    server->max_clients = params->max_clients ? params->max_clients : CLIENTS_USUAL;
+    server->max_clients = params->max_clients ? params->max_clients : CLIENTS_MAX;
     server->idle_ns =
         (params->idle_timeout_ms ? params->idle_timeout_ms : IDLE_USUAL_MS) * NSEC_PER_MSEC;
     server->now_ns = clock_monotonic_ns();

@@ -31,12 +31,13 @@ struct modbus_control {
 };
 
 struct modbus_server_params {
-    const char *listen;       /* "ADDRESS:PORT"; port 0: the kernel chooses */
-    int listen_fd;            /* a listening socket instead of `listen`, duplicated; 0: none */
-    unsigned unit;            /* answered besides 0 and 255; 0: 1 */
-    bool allow_control;       /* else functions 1, 3, 5, 6, 15 and 16 do not exist */
-    unsigned max_clients;     /* 0: 8; at most 64. A further one takes the place of whoever asked
-                                 nothing for longest and for two seconds, else is closed at once */
+    const char *listen;   /* "ADDRESS:PORT"; port 0: the kernel chooses */
+    int listen_fd;        /* a listening socket instead of `listen`, duplicated; 0: none */
+    unsigned unit;        /* answered besides 0 and 255; 0: 1 */
+    bool allow_control;   /* else functions 1, 3, 5, 6, 15 and 16 do not exist */
+    unsigned max_clients; /* 0: 64, and at most. A further one takes the place of whoever has been
+                             silent for longest: of those that never asked, for 250 ms; where
+                             all have, for two seconds; else it is closed at once */
     unsigned idle_timeout_ms; /* without a whole request; 0: 60 000 */
     const char *version;      /* for function 43; NULL: "" */
     const char *channel;      /* for function 43; NULL: "" */

@@ -20,7 +20,7 @@
 #define STRAIGHT_PART 0.02
 #define STRAIGHT_M    0.05
 #define JITTER_NS     (100 * NSEC_PER_MSEC)
-#define STRIDE_NS     NSEC_PER_SEC
+#define STRIDE_NS     (2 * NSEC_PER_SEC)
 #define SCALE_GAIN    0.5
 #define SCALE_MOST    0.02
 

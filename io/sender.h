@@ -14,6 +14,7 @@ struct send_params {
     double loss;      /* the chance of a packet to be left out, 0..1 */
     double reorder;   /* the chance of a packet to change places with the next, 0..1 */
     uint64_t seed;
+    uint32_t session;            /* of native: another one each time it is sent */
     unsigned position_every;     /* CANaerospace: position with every n-th pose; 0 = 1 */
     struct geoid_function geoid; /* for altitudes above mean sea level; required */
 };

@@ -79,7 +79,7 @@ static int put_native(struct scheduler *s, nsec_t time_ns, const struct pose *po
     uint8_t data[NATIVE_SIZE];
     struct pose_sample sample = {.pose = *pose,
                                  .datum = ALTITUDE_ELLIPSOID,
-                                 .session = (uint32_t)s->params->seed,
+                                 .session = s->params->session,
                                  .sequence = s->sequence++,
                                  .sender_ns = NSEC_PER_SEC + time_ns};
     native_encode(&sample, data);

@@ -211,7 +211,7 @@ static void take_result(struct pose_source *source, nsec_t now_ns,
         source->accepted_ns = pose->receive_ns;
     if (r > 0 && events->pose)
         events->pose(events->context, source, pose);
-    if (r < 0 && rejection->reason != REJECT_LATE) { /* late ones are counted, not news */
+    if (rejection->reason != REJECT_NONE && rejection->reason != REJECT_LATE) { /* not news */
         char text[sizeof(rejection->text) + 64];
         snprintf(text, sizeof(text), "packet refused (%s): %s",
                  reject_reason_name(rejection->reason), rejection->text);
@@ -315,7 +315,7 @@ static void take_datagrams(struct pose_source *source, nsec_t now_ns,
         if (events->packet)
             events->packet(events->context, source, buffer, datagram.size, datagram.receive_ns);
         struct pose pose;
-        struct rejection rejection;
+        struct rejection rejection = {.reason = REJECT_NONE};
         if (source->intake.params.protocol == POSE_PROTOCOL_CIGI) {
             source->intake.counters.received++;
             r = events->message(events->context, buffer, datagram.size, datagram.receive_ns,
@@ -359,7 +359,7 @@ static void dispatch_can(struct pose_source *source, nsec_t now_ns,
         if (events->packet)
             events->packet(events->context, source, &frame, sizeof(frame), receive_ns);
         struct pose pose;
-        struct rejection rejection;
+        struct rejection rejection = {.reason = REJECT_NONE};
         r = intake_frame(&source->intake, &frame, receive_ns, &pose, &rejection);
         take_result(source, now_ns, events, r, &pose, &rejection);
     }

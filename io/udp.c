@@ -1,5 +1,6 @@
 #include "io/udp.h"
 
+#include <arpa/inet.h>
 #include <errno.h>
 #include <string.h>
 #include <unistd.h>
@@ -31,7 +32,24 @@ static int udp_fail(struct udp *udp, int code, const char *verb, const char *tex
     return diag_set(diag, code, "cannot %s udp %s: %s", verb, text, strerror(-code));
 }
 
-int udp_listen(struct udp *udp, const char *listen, struct diag *diag)
+static bool is_group(const union address *address)
+{
+    return address->any.sa_family == AF_INET && IN_MULTICAST(ntohl(address->v4.sin_addr.s_addr));
+}
+
+static int join(const struct udp *udp, const union address *group, struct in_addr interface)
+{
+    const struct ip_mreqn request = {.imr_multiaddr = group->v4.sin_addr, .imr_address = interface};
+    if (setsockopt(udp->fd, IPPROTO_IP, IP_ADD_MEMBERSHIP, &request, sizeof(request)) < 0)
+        return -errno;
+    if (interface.s_addr != htonl(INADDR_ANY) &&
+        setsockopt(udp->fd, IPPROTO_IP, IP_MULTICAST_IF, &request, sizeof(request)) < 0)
+        return -errno;
+    return 0;
+}
+
+static int listen_at(struct udp *udp, const char *listen, struct in_addr interface,
+                     struct diag *diag)
 {
     union address address;
     int r = udp_socket(udp, listen, &address, diag);
@@ -40,12 +58,29 @@ int udp_listen(struct udp *udp, const char *listen, struct diag *diag)
     int bytes = UDP_RECEIVE_BUFFER_BYTES;
     setsockopt(udp->fd, SOL_SOCKET, SO_RCVBUF, &bytes, sizeof(bytes));
     stamp_enable(udp->fd);
+    int shared = is_group(&address);
+    setsockopt(udp->fd, SOL_SOCKET, SO_REUSEADDR, &shared, sizeof(shared));
     if (bind(udp->fd, &address.any, address_length(&address)) < 0)
         return udp_fail(udp, -errno, "listen on", listen, diag);
     socklen_t length = sizeof(udp->local);
     if (getsockname(udp->fd, &udp->local.any, &length) < 0)
         return udp_fail(udp, -errno, "listen on", listen, diag);
-    return 0;
+    r = is_group(&address) ? join(udp, &address, interface) : 0;
+    return r < 0 ? udp_fail(udp, r, "join the group of", listen, diag) : 0;
+}
+
+int udp_listen(struct udp *udp, const char *listen, struct diag *diag)
+{
+    return listen_at(udp, listen, (struct in_addr){.s_addr = htonl(INADDR_ANY)}, diag);
+}
+
+int udp_listen_group(struct udp *udp, const char *group, const char *interface, struct diag *diag)
+{
+    struct in_addr at;
+    *udp = (struct udp){.fd = -1};
+    if (inet_pton(AF_INET, interface, &at) != 1)
+        return diag_set(diag, -EINVAL, "'%s' is no address of an interface", interface);
+    return listen_at(udp, group, at, diag);
 }
 
 int udp_connect(struct udp *udp, const char *peer, struct diag *diag)

@@ -22,6 +22,12 @@ struct datagram {
  * names address and port; `udp` is then closed. */
 int udp_listen(struct udp *udp, const char *listen, struct diag *diag);
 
+/* The same for a multicast group of IPv4, joined at the interface that has the address `interface`,
+ * through which it also sends (udp_send_to() the group), no farther than the next router.
+ * udp_listen() joins such a group, too, where the routes lead. Others on the machine may join it.
+ */
+int udp_listen_group(struct udp *udp, const char *group, const char *interface, struct diag *diag);
+
 /* A socket that sends to "ADDRESS:PORT". */
 int udp_connect(struct udp *udp, const char *peer, struct diag *diag);
 

@@ -13,6 +13,9 @@
  * vertices are gone through. */
 #define SOFTWARE_BLOCKS 128
 #define BLOCKS_LEAST    512 /* of a level, that there is room for */
+#define LANES_SOFTWARE  64
+/* A GPU has room for all blocks at a time: the shorter the way of one, the better. */
+#define LANES_MOST 512
 
 /* The uniform block is bound by the renderer; these are the storage blocks of reach.comp,
  * select.comp and mesh.comp. */
@@ -157,14 +160,17 @@ static int create_programs(struct block_mesh *mesh, struct diag *diag)
         {"mesh", "raster.glsl", &mesh->raster_program, 0, 1},
         {"terrain", NULL, &mesh->draw_program, 0, 0},
     };
+    int squares = mesh->shape.block * mesh->shape.block, r = 0;
+    int lanes = 2 * squares < LANES_MOST ? 2 * squares : LANES_MOST;
     char defines[256];
-    int r = 0;
     for (size_t i = 0; i < sizeof(programs) / sizeof(programs[0]) && r == 0; i++) {
         snprintf(defines, sizeof(defines),
                  "#define BLOCK %d\n#define TABLE %d\n#define DRAWS %u\n"
-                 "#define BLOCKS_A_DRAW %u\n#define SPLIT %d\n#define RASTER %d\n",
+                 "#define BLOCKS_A_DRAW %u\n#define SPLIT %d\n#define RASTER %d\n"
+                 "#define LANES %d\n",
                  mesh->shape.block, clipmap_table(&mesh->shape), mesh->draw_count,
-                 mesh->blocks_a_draw, programs[i].split, programs[i].raster);
+                 mesh->blocks_a_draw, programs[i].split, programs[i].raster,
+                 mesh->software ? LANES_SOFTWARE : lanes);
         const struct program_params params = {
             .name = programs[i].name, .defines = defines, .shared = {programs[i].shared}};
         r = program_create(&params, programs[i].program, diag);
@@ -215,7 +221,7 @@ static void choose_blocks(const struct block_mesh *mesh, GLuint bounds, int grou
     GLuint some = groups > 0 ? (GLuint)groups : 1; /* the first empties the list */
     glBindTextureUnit(0, bounds);
     glUseProgram(mesh->reach_program);
-    glDispatchCompute(1, 1, 1);
+    glDispatchCompute(CLIPMAP_PANES, 1, 1);
     glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT);
     glUseProgram(mesh->split_program);
     glDispatchCompute(some, 1, 1);

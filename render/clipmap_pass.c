@@ -19,10 +19,10 @@
 
 /* As upload.comp has it: one rectangle of one texture. */
 struct upload_rect {
-    GLint col0, row0, cols, texels;
-    GLint word;  /* of the arena, where its texels begin; of bounds: the layer */
-    GLint layer; /* 2 * layer, + 1 for the surfaces */
-    GLint mask;  /* side of the texture - 1 */
+    GLint col0, row0, cols, texels; /* the first in the torus */
+    GLint word;                     /* of the arena, where its texels begin; of bounds: the layer */
+    GLint layer;                    /* 2 * layer, + 1 for the surfaces */
+    GLint side;                     /* of the texture */
     GLint first_group;
 };
 
@@ -166,13 +166,13 @@ static void add_texels(const struct clipmap_pass *pass, struct upload *upload,
     if (texels == 0)
         return;
     add_rect(pass, upload, &upload->rects, &upload->groups,
-             (struct upload_rect){.col0 = rect.col0,
-                                  .row0 = rect.row0,
+             (struct upload_rect){.col0 = clipmap_wrapped(rect.col0, side),
+                                  .row0 = clipmap_wrapped(rect.row0, side),
                                   .cols = rect.cols,
                                   .texels = texels,
                                   .word = (GLint)word,
                                   .layer = 2 * layer + kind,
-                                  .mask = side - 1});
+                                  .side = side});
 }
 
 static void add_blocks(const struct clipmap_pass *pass, struct upload *upload,
@@ -184,9 +184,10 @@ static void add_blocks(const struct clipmap_pass *pass, struct upload *upload,
                        clipmap_blocks_with(&pass->shape, strip->posts));
     if (blocks.rows == 0)
         return;
+    int table = clipmap_table(&pass->shape);
     add_rect(pass, upload, &upload->ends, &upload->block_groups,
-             (struct upload_rect){.col0 = blocks.col0,
-                                  .row0 = blocks.row0,
+             (struct upload_rect){.col0 = blocks.col0 % table,
+                                  .row0 = blocks.row0 % table,
                                   .cols = blocks.cols,
                                   .texels = blocks.rows * blocks.cols,
                                   .word = CLIPMAP_PANES * strip->level + strip->pane});

@@ -75,6 +75,7 @@ void raster_destroy(struct raster *raster)
 
 void raster_begin(const struct raster *raster)
 {
+    glMemoryBarrier(GL_SHADER_IMAGE_ACCESS_BARRIER_BIT); /* the frame before was read from it */
     glBindImageTexture(UNIT_PICTURE, raster->picture, 0, GL_FALSE, 0, GL_READ_WRITE, GL_R32UI);
     glBindBufferBase(GL_SHADER_STORAGE_BUFFER, BINDING_LARGE, raster->large);
     glBindBufferBase(GL_SHADER_STORAGE_BUFFER, BINDING_JOBS, raster->jobs);

@@ -10,19 +10,18 @@
 #include "render/scene.h"
 #include "terrain/imagery.h"
 
-/* Posts that levels are drawn to at most, of the 256 that are held (docs/performance.md). */
-#define POSTS_MOST   224.0
-#define MEMORY_SHARE 0.75 /* of the GPU's free memory that the clipmap may take */
+#define MEMORY_SHARE   0.75 /* of the GPU's free memory that the clipmap may take */
+#define RADIUS_UNKNOWN 256  /* at most, where a GPU does not tell how much it has */
 
 struct clipmap_shape renderer_shape(const struct terrain_facts *facts, double pixel_rad,
                                     double pixel_error, bool software)
 {
     double posts = detail_posts(pixel_rad, pixel_error);
-    int radius = 32, most = software ? 64 : 256;
+    int radius = 32, most = software ? 64 : 512;
     while (radius < most && radius < posts)
         radius *= 2;
     /* Small blocks waste fewer triangles; software rasterisers pay for each. */
-    int block = software || radius < 64 ? radius / 8 : 8;
+    int block = software || radius < 64 ? radius / 8 : radius > 256 ? 16 : 8;
     return clipmap_shape(radius, block, facts->finest_lat_step_deg);
 }
 
@@ -47,6 +46,8 @@ static int create_clipmap(struct renderer *renderer, const struct gl_facts *fact
                           struct diag *diag)
 {
     int free_mib = gl_memory_free_mib(), r;
+    if (free_mib == 0 && renderer->shape.radius > RADIUS_UNKNOWN)
+        renderer->shape = clipmap_halved(&renderer->shape);
     for (;;) {
         int mib = clipmap_pass_mib(&renderer->shape);
         if (free_mib > 0 && mib > MEMORY_SHARE * free_mib)
@@ -126,8 +127,9 @@ static int create_shading(struct renderer *renderer, const struct gl_facts *fact
                           struct diag *diag)
 {
     char defines[512];
-    size_t images = (size_t)snprintf(defines, sizeof(defines), "%s#define IMAGE_TAPS %d\n",
-                                     image_pass_defines(renderer->images), facts->image_taps);
+    size_t images = (size_t)snprintf(
+        defines, sizeof(defines), "%s#define IMAGE_TAPS %d\n#define STORAGE %d\n",
+        image_pass_defines(renderer->images), facts->image_taps, clipmap_storage(&renderer->shape));
     describe_samples(renderer, sizeof(defines) - images, defines + images);
     const struct program_params shade = {.name = facts->software ? "shade" : "shade_compute",
                                          .defines = defines,
@@ -166,8 +168,8 @@ int renderer_create(const struct renderer_params *params, const struct gl_facts 
     renderer->height = params->height;
     renderer->samples = params->samples ? params->samples : 1;
     renderer->pixel_error = params->pixel_error > 0.0 ? params->pixel_error : 1.0;
-    renderer->posts_most = params->posts_most > 0.0 ? params->posts_most : POSTS_MOST;
     renderer->shape = params->shape;
+    renderer->posts_most = params->posts_most > 0.0 ? params->posts_most : params->shape.radius;
     set_upload_bytes(renderer, params, facts->software);
     renderer->shade_in_compute = !facts->software;
     renderer->debug_groups = facts->debug;

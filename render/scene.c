@@ -89,6 +89,7 @@ void scene_set_view(const struct view *view, struct scene_block *ret_scene)
     for (int i = 0; i < 4; i++)
         scene->view_rays[i] = (float)rays[i];
     scene->grid[3] = (float)view->near_m;
+    scene->accuracy[1] = view->far_m > 0.0 ? (float)(view->near_m / view->far_m) : 0.0f;
     for (int col = 0; col < 4; col++)
         for (int row = 0; row < 4; row++)
             scene->enu_from_eye[4 * col + row] =
@@ -144,40 +145,46 @@ static double farthest_in_sight(double height_m)
            LEAST_RADIUS_M;
 }
 
+/* How far the levels are drawn about the eye; chords. */
+struct extent {
+    const struct clipmap_shape *shape;
+    const struct loader_level *levels;
+    struct clipmap_reach reaches[CLIPMAP_MAX_LEVELS];
+    double normal[3], ends[CLIPMAP_MAX_LEVELS];
+    double nearest, farthest; /* land in sight */
+};
+
 /* The blocks of a level among which are all that are drawn of it: children of those that may be
  * split; of the coarsest level those in sight. */
-static struct clipmap_rect find_candidates(const struct clipmap_shape *shape,
-                                           const struct loader_level *levels, const double *ends,
-                                           int level, int pane, int face, const double normal[3],
-                                           double nearest, double farthest)
+static struct clipmap_rect find_candidates(const struct extent *extent, int level, int pane,
+                                           int face)
 {
-    bool top = level == shape->levels - 1;
+    bool top = level == extent->shape->levels - 1;
     int holder = top ? level : level + 1; /* of the blocks, or of their parents */
-    const struct clipmap_pane *held = &levels[holder].panes[pane];
-    double across = top ? fmin(ends[level], farthest)
-                        : sqrt(fmax(ends[level] * ends[level] - nearest * nearest, 0.0));
-    if (across <= 0.0 || held->face != face)
+    const struct clipmap_pane *held = &extent->levels[holder].panes[pane];
+    double end = extent->ends[level], nearest = extent->nearest;
+    double across =
+        top ? fmin(end, extent->farthest) : sqrt(fmax(end * end - nearest * nearest, 0));
+    if (across <= 0.0 || held->face != face || held->posts.rows == 0)
         return (struct clipmap_rect){0};
     struct clipmap_rect blocks =
-        clipmap_common(clipmap_near_blocks(shape, holder, face, normal, across),
-                       clipmap_whole_blocks(shape, holder, held));
+        clipmap_common(clipmap_near_blocks(extent->shape, holder, face, extent->normal,
+                                           across + extent->reaches[holder].block),
+                       clipmap_whole_blocks(extent->shape, holder, held));
     int each = top ? 1 : 2;
     return (struct clipmap_rect){each * blocks.row0, each * blocks.col0, each * blocks.rows,
                                  each * blocks.cols};
 }
 
 /* Returns the work groups. */
-static int set_candidates(const struct clipmap_shape *shape, const struct loader_level *levels,
-                          const double *ends, const double normal[3], struct scene_block *scene)
+static int set_candidates(const struct extent *extent, struct scene_block *scene)
 {
-    double farthest = farthest_in_sight((double)scene->eye_trig[3]);
-    int group = 0;
-    for (int level = 0; level < shape->levels; level++) {
+    int group = 0, table = clipmap_table(extent->shape);
+    for (int level = 0; level < extent->shape->levels; level++) {
         for (int p = 0; p < CLIPMAP_PANES; p++) {
             struct clipmap_rect blocks =
-                find_candidates(shape, levels, ends, level, p, scene->panes[p].origin[2], normal,
-                                (double)scene->grid[1], farthest);
-            assert(blocks.rows <= clipmap_table(shape) && blocks.cols <= clipmap_table(shape));
+                find_candidates(extent, level, p, scene->panes[p].origin[2]);
+            assert(blocks.rows <= table && blocks.cols <= table);
             int32_t *ret = scene->candidates[CLIPMAP_PANES * level + p];
             ret[0] = blocks.col0;
             ret[1] = blocks.row0;
@@ -191,15 +198,43 @@ static int set_candidates(const struct clipmap_shape *shape, const struct loader
     return group;
 }
 
+/* What levels there are, and how far each is drawn. */
+static void set_levels(const struct extent *extent, struct scene_block *scene)
+{
+    const struct clipmap_shape *shape = extent->shape;
+    double shortest = 1.0; /* of what is held of the levels, as a share of their reach */
+    int finest = shape->levels - 1;
+    for (int level = shape->levels - 1; level >= 0; level--) {
+        const struct clipmap_cap *cap = &extent->levels[level].cap;
+        double step = clipmap_step_rad(shape, level), block = extent->reaches[level].block;
+        float *ret = scene->levels[level];
+        ret[0] = (float)extent->ends[level];
+        ret[1] = level < shape->levels - 1 ? ret[0] : EVERYWHERE; /* there is nothing coarser */
+        ret[2] = (float)(0.25 * WGS84_A * step * step); /* the sagitta of a cell's diagonal */
+        ret[3] = (float)block;
+        if (extent->ends[level] > 0.0 && level < shape->levels - 1)
+            shortest =
+                fmin(shortest, (cap->radius - block - cube_chord(cap->normal, extent->normal)) /
+                                   ldexp(extent->reaches[0].end, level));
+        finest = extent->ends[level] > 0.0 ? level : finest;
+    }
+    scene->eye_rest[1] = (float)(1.0 / (shortest * extent->reaches[0].end));
+    scene->sizes[2] = finest;
+    scene->sizes[3] = shape->levels - 1;
+}
+
 int scene_set_levels(const struct view *view, const struct clipmap_shape *shape,
                      const struct loader_level *levels, double nearest_m,
                      const struct scene_detail *detail, struct scene_block *ret_scene)
 {
     struct scene_block *scene = ret_scene;
-    double normal[3], ends[CLIPMAP_MAX_LEVELS], step_rad = clipmap_step_rad(shape, 0);
+    double step_rad = clipmap_step_rad(shape, 0), *normal;
     struct clipmap_cap caps[CLIPMAP_MAX_LEVELS];
-    double shortest = 1.0; /* of what is held of the levels, as a share of their reach */
-    int finest = shape->levels - 1;
+    struct extent extent = {.shape = shape,
+                            .levels = levels,
+                            .nearest = fmax(nearest_m, 0.0) / WGS84_A,
+                            .farthest = farthest_in_sight(view->eye.height_m)};
+    normal = extent.normal;
     cube_normal_from_geodetic(view->eye.lat_deg, view->eye.lon_deg, normal);
     for (int p = 0; p < CLIPMAP_PANES; p++) {
         double axes[3][3];
@@ -211,30 +246,14 @@ int scene_set_levels(const struct view *view, const struct clipmap_shape *shape,
     set_edges(scene);
     for (int level = 0; level < shape->levels; level++)
         caps[level] = levels[level].cap;
-    clipmap_ends(shape, caps, normal, detail->share, ends);
-    for (int level = shape->levels - 1; level >= 0; level--) {
-        double step = clipmap_step_rad(shape, level);
-        float *ret = scene->levels[level];
-        ret[0] = (float)ends[level];
-        ret[1] = level < shape->levels - 1 ? ret[0] : EVERYWHERE; /* there is nothing coarser */
-        ret[2] = (float)(0.25 * WGS84_A * step * step); /* the sagitta of a cell's diagonal */
-        struct clipmap_reach reach = clipmap_reach(shape, level, normal);
-        ret[3] = (float)reach.block;
-        if (ends[level] > 0.0 && level < shape->levels - 1)
-            shortest = fmin(shortest, (caps[level].radius - reach.block -
-                                       cube_chord(caps[level].normal, normal)) /
-                                          reach.end);
-        finest = ends[level] > 0.0 ? level : finest;
-    }
-    scene->eye_rest[1] = (float)(1.0 / (shortest * clipmap_reach(shape, 0, normal).end));
+    clipmap_reaches(shape, normal, extent.reaches);
+    clipmap_ends(shape, caps, normal, detail->share, extent.ends);
     scene->eye_rest[2] = (float)(1.0 / CLIPMAP_BLEND);
-    scene->sizes[0] = clipmap_storage(shape);
     scene->sizes[1] = 2 * clipmap_cells(shape, 0);
-    scene->sizes[2] = finest;
-    scene->sizes[3] = shape->levels - 1;
     scene->grid[0] = (float)(0.5 * step_rad);
-    scene->grid[1] = (float)(fmax(nearest_m, 0.0) / WGS84_A);
+    scene->grid[1] = (float)extent.nearest;
     scene->grid[2] = (float)(detail->pixel_rad / (step_rad * WGS84_A));
     scene->accuracy[0] = (float)(1.0 / (detail->tolerance_rad * WGS84_A));
-    return set_candidates(shape, levels, ends, normal, scene);
+    set_levels(&extent, scene);
+    return set_candidates(&extent, scene);
 }

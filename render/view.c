@@ -55,7 +55,7 @@ static void swap(double *a, double *b)
 void view_from_pose(const struct pose *pose, const struct channel_geometry *geometry,
                     struct view *ret_view)
 {
-    struct view view = {.eye = pose->position};
+    struct view view = {.eye = pose->position, .far_m = geometry->far_m};
     double ned_from_body[3][3], body_from_view[3][3], ned_from_view[3][3];
     ned_matrix_from_attitude(&pose->attitude, ned_from_body);
     if (geometry->offset_m[0] != 0.0 || geometry->offset_m[1] != 0.0 ||

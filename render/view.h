@@ -13,7 +13,9 @@ struct view {
      * off-axis allowed, and left greater than right (or bottom than top) in a mirror. */
     double tan_left, tan_right, tan_bottom, tan_top;
     double near_m;
-    double visibility_m; /* meteorological: where contrast falls to 2 % (Koschmieder) */
+    double far_m;        /* along the view; what is farther is not seen; 0: all is */
+    double visibility_m; /* meteorological: where contrast falls to 2 % (Koschmieder); INFINITY: no
+                            haze */
     double sun_enu[3];   /* unit vector to the sun at the eye */
     double undulation_m; /* of the geoid below the eye */
 };
@@ -25,6 +27,7 @@ struct channel_geometry {
     double left_deg, right_deg, bottom_deg, top_deg;
     bool mirror_x, mirror_y; /* left and right, bottom and top change places in the picture */
     double near_m; /* what is nearer need not be seen; 0, or more than the channel's own: that */
+    double far_m;  /* likewise farther; 0, or infinite: there is no such limit */
 };
 
 /* A frustum whose edges are farther from the view direction than this, or nearer to each other, is
@@ -40,9 +43,9 @@ struct channel_geometry {
 /* -EINVAL with a sentence where one of its numbers is not finite, or the frustum is none. */
 int channel_geometry_check(const struct channel_geometry *geometry, struct diag *diag);
 
-/* The view from an aircraft at `pose`: eyepoint, axes and frustum; near, air, sun and undulation
- * are left to the caller. An eye beyond VIEW_LOWEST_M or VIEW_HIGHEST_M
- * is brought there. */
+/* The view from an aircraft at `pose`: eyepoint, axes, frustum and far; near, air, sun and
+ * undulation are left to the caller. An eye beyond VIEW_LOWEST_M or VIEW_HIGHEST_M is brought
+ * there. */
 void view_from_pose(const struct pose *pose, const struct channel_geometry *geometry,
                     struct view *ret_view);
 

@@ -8,10 +8,11 @@
 
 #define WGS84_A         6378137.0
 #define WIDEST          0.8166 /* half of the longest diagonal of a cell, in nominal widths, at a corner */
-#define WIDENING        0.35 /* at most what that changes by along a radian */
-#define LAG_POSTS       6.0  /* that the eye may be ahead of what is loaded */
+#define WIDENING        0.4 /* at most what that changes by along a radian */
+#define LAG_POSTS       6.0 /* that the eye may be ahead of what is loaded */
 #define LEAST_DENSE_DEG (1.6 / 111195.0)
-#define FARTHEST        0.5 /* rad: what the coarsest level holds; a face is wider than its window */
+#define FARTHEST        0.5 /* rad: what the coarsest level holds of faces wider than its window */
+#define FARTHEST_WHOLE  0.5999 /* where it has room for whole faces: CUBE_CAP_MOST */
 
 struct clipmap_shape clipmap_shape(int radius, int block, double finest_step_deg)
 {
@@ -24,23 +25,21 @@ struct clipmap_shape clipmap_shape(int radius, int block, double finest_step_deg
 struct clipmap_shape clipmap_shape_of_depth(int radius, int block, int depth)
 {
     struct clipmap_shape shape = {.radius = radius, .block = block, .levels = 1, .depth = depth};
-    while (shape.levels < CLIPMAP_MAX_LEVELS &&
-           4 * radius < clipmap_cells(&shape, shape.levels - 1))
-        shape.levels++;
+    while (clipmap_storage(&shape) < clipmap_cells(&shape, shape.levels - 1)) {
+        if (shape.levels < CLIPMAP_MAX_LEVELS)
+            shape.levels++;
+        else
+            shape.depth--;
+    }
     return shape;
 }
 
 struct clipmap_shape clipmap_halved(const struct clipmap_shape *shape)
 {
-    struct clipmap_shape half = *shape;
-    half.radius /= 2;
-    if (8 * half.block > half.radius)
-        half.block = half.radius / 8;
-    if (half.levels < CLIPMAP_MAX_LEVELS)
-        half.levels++;
-    else
-        half.depth--;
-    return half;
+    int radius = shape->radius / 2, block = shape->block;
+    if (8 * block > radius)
+        block = radius / 8;
+    return clipmap_shape_of_depth(radius, block, shape->depth);
 }
 
 double clipmap_step_rad(const struct clipmap_shape *shape, int level)
@@ -48,8 +47,13 @@ double clipmap_step_rad(const struct clipmap_shape *shape, int level)
     return ldexp(M_PI / 2.0, level - shape->depth);
 }
 
-/* Half of the longer diagonal of a small cell at a place, in nominal widths. */
-static double half_diagonal(const double normal[3])
+/* What cells are like at a place, in nominal widths. */
+struct cells_at {
+    double scale;         /* the root of their area */
+    double half_diagonal; /* of the longer one */
+};
+
+static struct cells_at cells_at(const double normal[3])
 {
     double xi, eta;
     cube_angles(cube_face_of(normal), normal, &xi, &eta);
@@ -58,33 +62,67 @@ static double half_diagonal(const double normal[3])
     /* The squares of a cell's sides and twice their product times the angle's cosine. */
     double side = across * across * up / (r2 * r2), other = up * up * across / (r2 * r2);
     double skew = 2.0 * fabs(u * w) * across * up / (r2 * r2);
-    return 0.5 * sqrt(side + other + skew);
+    return (struct cells_at){.scale = cube_scale(normal),
+                             .half_diagonal = 0.5 * sqrt(side + other + skew)};
+}
+
+/* The chord that the coarsest level holds. */
+static double widest_cap(const struct clipmap_shape *shape)
+{
+    bool whole =
+        clipmap_cells(shape, shape->levels - 1) + 2 * CLIPMAP_BEYOND + 1 <= clipmap_storage(shape);
+    return 2.0 * sin(0.5 * (whole ? FARTHEST_WHOLE : FARTHEST));
+}
+
+static double lag_of(const struct clipmap_shape *shape, int level)
+{
+    return LAG_POSTS * clipmap_step_rad(shape, level);
+}
+
+static struct clipmap_reach reach_of(const struct clipmap_shape *shape, int level,
+                                     const struct cells_at *cells)
+{
+    double step = clipmap_step_rad(shape, level);
+    struct clipmap_reach reach = {
+        .end = cells->scale * shape->radius * step,
+        .lag = lag_of(shape, level),
+    };
+    double half = fmin(cells->half_diagonal + WIDENING * 1.5 * reach.end, WIDEST);
+    reach.block = half * shape->block * step;
+    if (level == shape->levels - 2)
+        reach.end = fmin(reach.end, (1.0 - CLIPMAP_BLEND) * (widest_cap(shape) - 2.0 * reach.lag) -
+                                        2.0 * (2.0 * reach.block));
+    /* A block of the next level is split where it is nearer than the end; it has to be there
+     * whole. */
+    reach.cap = reach.end + 2.0 * (2.0 * reach.block) + reach.lag;
+    if (level == shape->levels - 1)
+        reach.cap = widest_cap(shape);
+    return reach;
 }
 
 struct clipmap_reach clipmap_reach(const struct clipmap_shape *shape, int level,
                                    const double normal[3])
 {
-    double step = clipmap_step_rad(shape, level);
-    struct clipmap_reach reach = {
-        .end = cube_scale(normal) * shape->radius * step,
-        .lag = LAG_POSTS * step,
-    };
-    double half = fmin(half_diagonal(normal) + WIDENING * 1.5 * reach.end, WIDEST);
-    reach.block = half * shape->block * step;
-    /* A block of the next level is split where it is nearer than the end; it has to be there
-     * whole. */
-    reach.cap = reach.end + 2.0 * (2.0 * reach.block) + reach.lag;
-    if (level == shape->levels - 1)
-        reach.cap = 2.0 * sin(0.5 * FARTHEST);
-    return reach;
+    const struct cells_at cells = cells_at(normal);
+    return reach_of(shape, level, &cells);
+}
+
+void clipmap_reaches(const struct clipmap_shape *shape, const double normal[3],
+                     struct clipmap_reach ret_reaches[CLIPMAP_MAX_LEVELS])
+{
+    const struct cells_at cells = cells_at(normal);
+    for (int level = 0; level < shape->levels; level++)
+        ret_reaches[level] = reach_of(shape, level, &cells);
 }
 
 void clipmap_ends(const struct clipmap_shape *shape, const struct clipmap_cap *caps,
                   const double normal[3], double share, double *ret_ends)
 {
     int top = shape->levels - 1;
+    struct clipmap_reach reaches[CLIPMAP_MAX_LEVELS];
+    clipmap_reaches(shape, normal, reaches);
     for (int level = top; level >= 0; level--) {
-        struct clipmap_reach reach = clipmap_reach(shape, level, normal);
+        struct clipmap_reach reach = reaches[level];
         double held = caps[level].radius - cube_chord(caps[level].normal, normal);
         double parents = 2.0 * (2.0 * reach.block), end = held;
         if (level < top) {
@@ -167,8 +205,7 @@ struct clipmap_rect clipmap_blocks_with(const struct clipmap_shape *shape,
 struct clipmap_rect clipmap_near_blocks(const struct clipmap_shape *shape, int level, int face,
                                         const double normal[3], double across)
 {
-    struct clipmap_cap cap = {.normal = {normal[0], normal[1], normal[2]},
-                              .radius = across + clipmap_reach(shape, level, normal).block};
+    struct clipmap_cap cap = {.normal = {normal[0], normal[1], normal[2]}, .radius = across};
     return clipmap_blocks_with(shape, clipmap_cap_posts(shape, level, face, &cap));
 }
 
@@ -231,8 +268,7 @@ int clipmap_uncovered(struct clipmap_rect from, struct clipmap_rect to,
 bool clipmap_holds(const struct clipmap_shape *shape, int level, const struct clipmap_cap *cap,
                    const double normal[3])
 {
-    struct clipmap_reach reach = clipmap_reach(shape, level, normal);
-    return cap->radius > 0.0 && cube_chord(cap->normal, normal) <= reach.lag;
+    return cap->radius > 0.0 && cube_chord(cap->normal, normal) <= lag_of(shape, level);
 }
 
 int clipmap_finest_level(const struct clipmap_shape *shape, const double normal[3], double height_m)

@@ -22,16 +22,16 @@ struct clipmap_shape {
                    least 8 blocks; a power of two */
     int block;  /* cells along an edge of a block: a power of two */
     int levels; /* 1 .. CLIPMAP_MAX_LEVELS */
-    int depth;  /* the coarsest level has 4 * radius cells along a face: clipmap_depth(); at most 26
-                 */
+    int depth;  /* level 0 has 2^depth cells along a face, the coarsest no more than its storage */
 };
 
 /* As fine as a source's posts (degrees of latitude), at least 1.6 m; levels up to the one that has
- * 4 * radius cells along a face: it can be held as far as the horizon of an eye at 400 km. */
+ * no more cells along a face than its storage: it can be held as far as the horizon of an eye at
+ * 600 km. */
 struct clipmap_shape clipmap_shape(int radius, int block, double finest_step_deg);
 
-/* The same with 2^depth cells of level 0 along a face, at least 4 * radius, however coarse that is:
- * for ground that is to be compared at one spacing. */
+/* The same with 2^depth cells of level 0 along a face, at least what a level stores, however coarse
+ * that is: for ground that is to be compared at one spacing. */
 struct clipmap_shape clipmap_shape_of_depth(int radius, int block, int depth);
 
 /* The same ground with half the radius, which takes a quarter of the memory: as fine near the eye,
@@ -39,11 +39,17 @@ struct clipmap_shape clipmap_shape_of_depth(int radius, int block, int depth);
 #define CLIPMAP_LEAST_RADIUS 32
 struct clipmap_shape clipmap_halved(const struct clipmap_shape *shape);
 
-/* The side of a pane's toroidal storage in posts: post (row, col) lies at (row & mask, col & mask).
- */
+/* The side of a pane's toroidal storage in posts: what a cap is wide at most, where cells are
+ * narrow. Blocks that are large against the radius need more around it. */
 static inline int clipmap_storage(const struct clipmap_shape *shape)
 {
-    return 4 * shape->radius;
+    return (32 * shape->block > shape->radius ? 4 : 3) * shape->radius;
+}
+
+/* Where a row or column lies in a torus of so many: at least -`side`. */
+static inline int32_t clipmap_wrapped(int32_t at, int32_t side)
+{
+    return (at + side) % side;
 }
 
 /* Blocks along the side of that storage. */
@@ -71,6 +77,9 @@ struct clipmap_reach {
 
 struct clipmap_reach clipmap_reach(const struct clipmap_shape *shape, int level,
                                    const double normal[3]);
+/* Of all levels. */
+void clipmap_reaches(const struct clipmap_shape *shape, const double normal[3],
+                     struct clipmap_reach ret_reaches[CLIPMAP_MAX_LEVELS]);
 
 /* What a level holds: all posts within `radius` of a place; 0: none. */
 struct clipmap_cap {
@@ -109,8 +118,8 @@ void clipmap_panes(const struct clipmap_shape *shape, int level, const struct cl
 struct clipmap_rect clipmap_blocks_with(const struct clipmap_shape *shape,
                                         struct clipmap_rect posts);
 
-/* The blocks of a level on one face whose middle is within `across` (a chord), and a bound of its
- * size, of a place; and some around them. */
+/* The blocks of a level on one face that have posts within `across` (a chord) of a place; and some
+ * around them. */
 struct clipmap_rect clipmap_near_blocks(const struct clipmap_shape *shape, int level, int face,
                                         const double normal[3], double across);
 

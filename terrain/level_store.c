@@ -10,14 +10,18 @@
 /* Of curvature; within 0.7 % of it everywhere, as slopes need it. */
 #define MEAN_RADIUS_M 6.3675e6
 #define COLUMNS_MAX   4096 /* of the largest storage */
+#define INVERSE_BITS  41
 
 int level_store_ready(struct level_store *store)
 {
-    size_t side = 2 * (size_t)clipmap_storage(store->shape);
+    uint32_t side = 2 * (uint32_t)clipmap_storage(store->shape);
+    assert(side <= COLUMNS_MAX);
+    store->side = side;
+    store->inverse = ((uint64_t)1 << INVERSE_BITS) / side + 1;
     if (!store->height_m)
-        store->height_m = calloc(side * side, sizeof(*store->height_m));
+        store->height_m = calloc((size_t)side * side, sizeof(*store->height_m));
     if (!store->water)
-        store->water = calloc(side * side, sizeof(*store->water));
+        store->water = calloc((size_t)side * side, sizeof(*store->water));
     return store->height_m && store->water ? 0 : -ENOMEM;
 }
 
@@ -28,10 +32,16 @@ void level_store_finish(struct level_store *store)
     *store = (struct level_store){0};
 }
 
+/* Remainders by the inverse of the side, exact below 2^28 (half-posts along a face: 2^27). */
+static uint32_t wrapped(const struct level_store *store, int32_t half_post)
+{
+    uint32_t at = (uint32_t)half_post + store->side;
+    return at - store->side * (uint32_t)(((uint64_t)at * store->inverse) >> INVERSE_BITS);
+}
+
 static size_t index_of(const struct level_store *store, int32_t half_row, int32_t half_col)
 {
-    uint32_t side = 2 * (uint32_t)clipmap_storage(store->shape), mask = side - 1;
-    return (size_t)((uint32_t)half_row & mask) * side + ((uint32_t)half_col & mask);
+    return (size_t)wrapped(store, half_row) * store->side + wrapped(store, half_col);
 }
 
 double level_store_half_step_rad(const struct level_store *store)

@@ -12,7 +12,9 @@ struct level_store {
     const struct clipmap_shape *shape;
     int level;
     struct clipmap_pane pane; /* what is filled; no posts: nothing */
-    float *height_m;          /* [2 storage][2 storage], above the ellipsoid; NULL until needed */
+    uint32_t side;            /* half-posts: twice the storage's posts */
+    uint64_t inverse;         /* of it, fixed-point */
+    float *height_m;          /* [side][side], above the ellipsoid; NULL until needed */
     bool *water;              /* the same */
 };
 

@@ -232,8 +232,9 @@ size_t loader_update_bytes(const struct clipmap_shape *shape, size_t asked)
 {
     size_t most = window_filler_half_posts(shape) * sizeof(struct loader_surface);
     size_t bytes = asked ? asked : LOADER_UPDATE_BYTES;
-    if (bytes < LOADER_UPDATE_LEAST)
-        bytes = LOADER_UPDATE_LEAST;
+    size_t least = LOADER_UPDATE_LEAST * (shape->radius > 256 ? 2 : 1);
+    if (bytes < least)
+        bytes = least;
     return bytes < most ? bytes : most;
 }
 

@@ -25,7 +25,8 @@
 #define LOADER_MAX_STRIPS 120
 
 #define LOADER_UPDATE_BYTES ((size_t)2 << 20) /* of an update, where nothing else is asked for */
-#define LOADER_UPDATE_LEAST ((size_t)1 << 18) /* a level of radius 256 can still grow */
+#define LOADER_UPDATE_LEAST                                                                        \
+    ((size_t)1 << 18) /* a level of radius 256 can still grow; larger: twice */
 
 /* A post as the heights texture holds it: metres above the ellipsoid, this level's own and what the
  * next coarser level has at the same place (linear between its posts). */

@@ -117,6 +117,17 @@ double query_fallback_m(struct query *query, double lat_deg, double lon_deg)
     return height_m;
 }
 
+void query_fallbacks_m(struct query *query, const double *lat_deg, const double *lon_deg, int count,
+                       float *ret_heights_m)
+{
+    struct terrain_facts facts;
+    query->fallback->ops->facts(query->fallback, &facts);
+    const struct terrain_places places = {lat_deg, lon_deg, count, facts.finest_lat_step_deg};
+    if (query->fallback->ops->sample(query->fallback, &places, ret_heights_m) < 0)
+        for (int i = 0; i < count; i++)
+            ret_heights_m[i] = NAN;
+}
+
 /* From heights a little to all four sides. */
 static void fallback_normal(struct query *query, double lat_deg, double lon_deg,
                             float ret_normal_enu[3])

@@ -45,6 +45,10 @@ bool query_dug(struct query *query, double lat_deg, double lon_deg, struct dig_c
 /* What the fallback has there; NaN without one. */
 double query_fallback_m(struct query *query, double lat_deg, double lon_deg);
 
+/* The same at several places, with one. */
+void query_fallbacks_m(struct query *query, const double *lat_deg, const double *lon_deg, int count,
+                       float *ret_heights_m);
+
 /* Between begin and end. */
 void query_answer_at(struct query *query, double lat_deg, double lon_deg,
                      struct query_answer *ret_answer);

@@ -1,44 +1,28 @@
-/* Lines of sight: the straight line is cut into pieces that are so short that latitude, longitude
- * and height above the geoid are quadratics along them, within a millimetre. Along a piece the
- * tiles' bounds are a maximum mipmap: the coarsest tile that the piece is in is taken if the piece
- * stays above it, else its child, down to single cells (Tevs, Ihrke and Seidel, "Maximum mipmaps
- * for fast, accurate, and scalable dynamic height field rendering", 2008). In a cell the surface is
- * bilinear, so its distance below the line is a quadratic, too. */
+/* Lines of sight: the straight line is cut into pieces along which latitude, longitude and height
+ * are quadratics (terrain/query_ray). Along a piece the tiles' bounds, and within the finest tile
+ * those of its blocks, are a maximum mipmap: the coarsest that the piece is in is taken if the
+ * piece stays above it, else what is finer there, down to single cells (Tevs, Ihrke and Seidel,
+ * "Maximum mipmaps for fast, accurate, and scalable dynamic height field rendering", 2008). In a
+ * cell the surface is bilinear, so its distance below the line is a quadratic, too. The geoid costs
+ * more than all of that: near the ground alone is the line's height above it exact. */
 #include <errno.h>
 #include <math.h>
 
 #include "geo/geographic.h"
-#include "terrain/query_internal.h"
+#include "terrain/query_ray.h"
 
 #define PIECE_M       8192.0
-#define PIECE_LEAST_M 0.01 /* around a pole, where longitude leaps */
-#define PIECE_ERROR_M 1e-3
+#define PIECE_LEAST_M 0.01    /* around a pole, where longitude leaps */
 #define HIGHEST_M     10000.0 /* no ground is above, none below */
 #define LOWEST_M      -13000.0
 #define LEAST_STEP_M  25.0 /* over the fallback */
+#define STEPS         8    /* over the fallback, that are looked at together */
 #define HIT_M         1e-3
 #define EDGE_M        0.005
 #define NUDGE         1e-8 /* of a piece: past a border */
 #define DEGREE_M      111320.0
 
-struct ray {
-    const struct query *query;
-    double from_ecef_m[3], along_ecef_m[3]; /* the latter from end to end */
-    double length_m;
-};
-
-/* value(s) = c[0] + c[1] s + c[2] s^2, s = 0 .. 1 along the piece. */
-struct curve {
-    double c[3];
-};
-
-struct piece {
-    struct curve lat_deg, lon_deg, height_m; /* longitude not reduced; above the geoid */
-    struct curve row, col;                   /* cells of level 0, longitude factor 1 */
-    double length_m;
-};
-
-/* A tile or a cell: borders in cells of level 0. */
+/* A tile, a block of one or a cell: borders in cells of level 0. */
 struct box {
     struct tile_id id;
     double south, north, west, east;
@@ -47,32 +31,6 @@ struct box {
 static double limit(double x, double low, double high)
 {
     return fmin(fmax(x, low), high);
-}
-
-static double value(const struct curve *curve, double s)
-{
-    return curve->c[0] + s * (curve->c[1] + s * curve->c[2]);
-}
-
-static struct curve curve_through(double begin, double middle, double end)
-{
-    return (struct curve){
-        {begin, 4.0 * middle - 3.0 * begin - end, 2.0 * (begin + end) - 4.0 * middle}};
-}
-
-static struct curve in_cells(struct curve degrees, double offset_deg, double per_degree,
-                             double phase)
-{
-    return (struct curve){{(degrees.c[0] + offset_deg) * per_degree - phase,
-                           degrees.c[1] * per_degree, degrees.c[2] * per_degree}};
-}
-
-/* The least value on a part. */
-static double least(const struct curve *curve, double begin, double end)
-{
-    double at = curve->c[2] > 0.0 ? -0.5 * curve->c[1] / curve->c[2] : begin;
-    double ends = fmin(value(curve, begin), value(curve, end));
-    return at > begin && at < end ? fmin(ends, value(curve, at)) : ends;
 }
 
 /* Where it next has a value; infinite where it has not. */
@@ -103,87 +61,93 @@ static double leaves_box(const struct piece *piece, const struct box *box, doubl
     return fmin(fmax(end, s + 4.0 * NUDGE), 1.0);
 }
 
-static struct geodetic on_ray(const struct ray *ray, double t)
-{
-    double ecef_m[3];
-    struct geodetic at;
-    for (int i = 0; i < 3; i++)
-        ecef_m[i] = ray->from_ecef_m[i] + t * ray->along_ecef_m[i];
-    geodetic_from_geocentric(ecef_m, &at);
-    return at;
-}
-
-/* The same, above the geoid, and with a longitude near another one. */
-static struct geodetic above_geoid(const struct ray *ray, double t, double near_lon_deg)
-{
-    struct geodetic at = on_ray(ray, t);
-    if (ray->query->geoid)
-        at.height_m -= geoid_undulation_m(ray->query->geoid, at.lat_deg, at.lon_deg);
-    at.lon_deg = near_lon_deg + remainder(at.lon_deg - near_lon_deg, 360.0);
-    return at;
-}
-
-static double error_m(const struct ray *ray, const struct piece *piece, double t, double s)
-{
-    struct geodetic at = above_geoid(ray, t, value(&piece->lon_deg, s));
-    double north = (at.lat_deg - value(&piece->lat_deg, s)) * DEGREE_M;
-    double east =
-        (at.lon_deg - value(&piece->lon_deg, s)) * DEGREE_M * cos(at.lat_deg * (M_PI / 180.0));
-    double up = at.height_m - value(&piece->height_m, s);
-    return fmax(fmax(fabs(north), fabs(east)), fabs(up));
-}
-
-/* Returns how far it is off. */
-static double fit(const struct ray *ray, double begin, double end, struct piece *ret_piece)
-{
-    struct geodetic a = above_geoid(ray, begin, 0.0);
-    struct geodetic b = above_geoid(ray, 0.5 * (begin + end), a.lon_deg);
-    struct geodetic c = above_geoid(ray, end, b.lon_deg);
-    struct piece piece = {
-        .lat_deg = curve_through(a.lat_deg, b.lat_deg, c.lat_deg),
-        .lon_deg = curve_through(a.lon_deg, b.lon_deg, c.lon_deg),
-        .height_m = curve_through(a.height_m, b.height_m, c.height_m),
-        .length_m = (end - begin) * ray->length_m,
-    };
-    const struct grid *grid = ray->query->grid;
-    if (grid) {
-        double per_degree = grid->shape.posts_per_degree;
-        piece.row = in_cells(piece.lat_deg, 0.0, per_degree, grid->shape.lat_phase);
-        piece.col = in_cells(piece.lon_deg, 180.0, per_degree, grid->shape.lon_phase);
-    }
-    *ret_piece = piece;
-    return fmax(error_m(ray, &piece, begin + 0.25 * (end - begin), 0.25),
-                error_m(ray, &piece, begin + 0.75 * (end - begin), 0.75));
-}
-
-/* The height of the line over the fallback. */
+/* Of the line over the fallback at one place. */
 static double clearance_m(struct query *query, const struct piece *piece, double s)
 {
-    return value(&piece->height_m, s) -
-           query_fallback_m(query, limit(value(&piece->lat_deg, s), -90.0, 90.0),
-                            value(&piece->lon_deg, s));
+    return piece_height_m(query, piece, s) -
+           query_fallback_m(query, limit(curve_at(&piece->lat_deg, s), -90.0, 90.0),
+                            curve_at(&piece->lon_deg, s));
 }
 
-/* Over the fallback, which says nothing of its bounds: half the clearance on and on. */
+/* The same at places that are looked at together; near the ground exact. */
+static void look_at(struct query *query, const struct piece *piece, const double s[STEPS],
+                    double ret_clear_m[STEPS])
+{
+    double lat_deg[STEPS], lon_deg[STEPS];
+    float ground_m[STEPS];
+    for (int i = 0; i < STEPS; i++) {
+        lat_deg[i] = limit(curve_at(&piece->lat_deg, s[i]), -90.0, 90.0);
+        lon_deg[i] = curve_at(&piece->lon_deg, s[i]);
+    }
+    query_fallbacks_m(query, lat_deg, lon_deg, STEPS, ground_m);
+    for (int i = 0; i < STEPS; i++) {
+        ret_clear_m[i] = curve_at(&piece->height_m, s[i]) - (double)ground_m[i];
+        if (fabs(ret_clear_m[i]) <= piece->error_m)
+            ret_clear_m[i] = piece_height_m(query, piece, s[i]) - (double)ground_m[i];
+    }
+}
+
+/* Between a place above the fallback and one that is not: false position, in which an end that
+ * stays twice counts half (the "Illinois" algorithm; Dowell and Jarratt, BIT 11, 1971). */
+static double narrow_fallback(struct query *query, const struct piece *piece, double above,
+                              double above_m, double under, double under_m)
+{
+    double least = 0.4 * HIT_M / piece->length_m;
+    bool was_under = false, was_above = false;
+    while ((under - above) * piece->length_m > HIT_M) {
+        double s = above + (under - above) * above_m / (above_m - under_m);
+        s = limit(s, above + least, under - least);
+        double clear_m = clearance_m(query, piece, s);
+        bool is_under = clear_m <= 0.0;
+        *(is_under ? &under : &above) = s;
+        *(is_under ? &under_m : &above_m) = clear_m;
+        if (is_under && was_under)
+            above_m *= 0.5;
+        if (!is_under && was_above)
+            under_m *= 0.5;
+        was_under = is_under;
+        was_above = !is_under;
+    }
+    return under;
+}
+
+/* Where to look next, `clear_m` above the ground at `s`: a third of the clearance on and on, as it
+ * would be over level ground. */
+static void plan_steps(const struct piece *piece, double s, double clear_m, double end,
+                       double ret_s[STEPS])
+{
+    double rise_m = piece->height_m.c[1] + 2.0 * piece->height_m.c[2] * s; /* along the piece */
+    for (int i = 0; i < STEPS; i++) {
+        double step = fmax(clear_m / 3.0, LEAST_STEP_M) / piece->length_m;
+        s = fmin(s + step, end);
+        clear_m += fmin(rise_m, 0.0) * step;
+        ret_s[i] = s;
+    }
+}
+
+/* Over the fallback, which says nothing of its bounds: never more than half the clearance on. */
 static double hit_fallback(struct query *query, const struct piece *piece, double begin, double end)
 {
-    double above = begin, s = begin;
+    double s = begin, clear_m, ahead[STEPS], ahead_m[STEPS];
     if (!query->fallback)
         return INFINITY;
-    for (;;) {
-        double clear_m = clearance_m(query, piece, s);
-        if (clear_m <= 0.0)
-            break;
-        if (s >= end)
-            return INFINITY;
-        above = s;
-        s = fmin(s + fmax(0.5 * clear_m, LEAST_STEP_M) / piece->length_m, end);
+    clear_m = clearance_m(query, piece, begin);
+    if (clear_m <= 0.0)
+        return begin;
+    while (s < end) {
+        plan_steps(piece, s, clear_m, end, ahead);
+        look_at(query, piece, ahead, ahead_m);
+        for (int i = 0; i < STEPS && s < end; i++) {
+            double most_m = fmax(0.5 * clear_m, LEAST_STEP_M) * (1.0 + NUDGE);
+            if ((ahead[i] - s) * piece->length_m > most_m)
+                break;
+            if (ahead_m[i] <= 0.0)
+                return narrow_fallback(query, piece, s, clear_m, ahead[i], ahead_m[i]);
+            clear_m = ahead_m[i];
+            s = ahead[i];
+        }
     }
-    while ((s - above) * piece->length_m > HIT_M) {
-        double middle = 0.5 * (above + s);
-        *(clearance_m(query, piece, middle) <= 0.0 ? &s : &above) = middle;
-    }
-    return s;
+    return INFINITY;
 }
 
 /* A cell's posts: southern line, then northern; west, then east. */
@@ -204,8 +168,8 @@ static void read_line(struct query *query, int view, const struct surface_line *
 static void read_cell(struct query *query, const struct piece *piece, double s,
                       struct cell *ret_cell)
 {
-    ret_cell->lat_deg = limit(value(&piece->lat_deg, s), -90.0, 90.0);
-    ret_cell->lon_deg = value(&piece->lon_deg, s);
+    ret_cell->lat_deg = limit(curve_at(&piece->lat_deg, s), -90.0, 90.0);
+    ret_cell->lon_deg = curve_at(&piece->lon_deg, s);
     struct dig_cell dug;
     if (query_dug(query, ret_cell->lat_deg, ret_cell->lon_deg, &dug)) {
         ret_cell->place = dug.place;
@@ -229,37 +193,54 @@ static double along(const struct surface_line *line, const double *heights_m, do
 
 static double above_cell_m(const struct piece *piece, const struct cell *cell, double s)
 {
-    double d_lat = value(&piece->lat_deg, s) - cell->lat_deg;
-    double d_lon = value(&piece->lon_deg, s) - cell->lon_deg;
+    double d_lat = curve_at(&piece->lat_deg, s) - cell->lat_deg;
+    double d_lon = curve_at(&piece->lon_deg, s) - cell->lon_deg;
     double south = along(&cell->place.south, cell->heights_m, d_lon);
     double north = along(&cell->place.north, cell->heights_m + 2, d_lon);
     double up = (double)cell->place.up + d_lat / cell->place.cell_deg;
-    return value(&piece->height_m, s) - (south + (north - south) * up);
+    return curve_at(&piece->height_m, s) - (south + (north - south) * up);
+}
+
+/* Where the line, whose height is exact there, meets the cell's surface. */
+static double hit_surface(const struct piece *piece, const struct cell *cell, double begin,
+                          double end)
+{
+    double first = above_cell_m(piece, cell, begin), last = above_cell_m(piece, cell, end);
+    if (first <= 0.0)
+        return begin;
+    struct curve above = curve_through(first, above_cell_m(piece, cell, 0.5 * (begin + end)), last);
+    double under = 1.0; /* where it is below the ground, of the way through the cell */
+    if (above.c[2] > 0.0 && above.c[1] < 0.0)
+        under = fmin(-0.5 * above.c[1] / above.c[2], 1.0);
+    if (curve_at(&above, under) > 0.0)
+        return INFINITY;
+    double low = begin, high = begin + under * (end - begin);
+    while ((high - low) * piece->length_m > HIT_M) {
+        double middle = 0.5 * (low + high);
+        *(above_cell_m(piece, cell, middle) <= 0.0 ? &high : &low) = middle;
+    }
+    return high;
 }
 
 static double hit_in_cell(struct query *query, const struct piece *piece, double begin, double end)
 {
     struct cell cell;
-    double middle = 0.5 * (begin + end);
+    double middle = 0.5 * (begin + end), hit = INFINITY;
     read_cell(query, piece, middle, &cell);
-    double first = above_cell_m(piece, &cell, begin), last = above_cell_m(piece, &cell, end);
     double between = above_cell_m(piece, &cell, middle);
-    if (isnan(first + last + between))
+    struct curve above =
+        curve_through(above_cell_m(piece, &cell, begin), between, above_cell_m(piece, &cell, end));
+    if (isnan(between))
         return hit_fallback(query, piece, begin, end);
-    if (first <= 0.0)
-        return begin;
-    struct curve above = curve_through(first, between, last);
-    double under = 1.0; /* where it is below the ground, of the way through the cell */
-    if (above.c[2] > 0.0 && above.c[1] < 0.0)
-        under = fmin(-0.5 * above.c[1] / above.c[2], 1.0);
-    if (value(&above, under) > 0.0)
+    if (curve_least(&above, 0.0, 1.0) > piece->error_m)
         return INFINITY;
-    double low = begin, high = begin + under * (end - begin);
-    while ((high - low) * piece->length_m > HIT_M) {
-        middle = 0.5 * (low + high);
-        *(above_cell_m(piece, &cell, middle) <= 0.0 ? &high : &low) = middle;
+    while (begin < end && isinf(hit)) {
+        struct piece sharp = *piece;
+        double until = piece_sharpen(query, &sharp, begin, end);
+        hit = hit_surface(&sharp, &cell, begin, until);
+        begin = until;
     }
-    return high;
+    return hit;
 }
 
 /* Across rows: `span` finest cells high. Along them `width` wide; the last one may be narrower. */
@@ -277,8 +258,8 @@ static void set_borders(const struct query *query, struct box *box, double row, 
 static struct box tile_at(const struct query *query, const struct piece *piece, double s, int level)
 {
     const struct grid *grid = query->grid;
-    double span = ldexp(TILE_CELLS, level), col = value(&piece->col, s + NUDGE);
-    double row = limit(floor(value(&piece->row, s + NUDGE) / span),
+    double span = ldexp(TILE_CELLS, level), col = curve_at(&piece->col, s + NUDGE);
+    double row = limit(floor(curve_at(&piece->row, s + NUDGE) / span),
                        grid_first_tile_row(grid, level), grid_last_tile_row(grid, level));
     struct box box = {.id = {.level = level, .row = (int32_t)row}};
     double width = ldexp(span, (int)grid_lon_shift(grid, level, box.id.row));
@@ -296,20 +277,20 @@ static struct box cell_at(struct query *query, const struct piece *piece, double
     double span = 1.0, at = s + NUDGE;
     struct dig_cell dug;
     int level = 0;
-    if (query_dug(query, limit(value(&piece->lat_deg, at), -90.0, 90.0), value(&piece->lon_deg, at),
-                  &dug)) {
+    if (query_dug(query, limit(curve_at(&piece->lat_deg, at), -90.0, 90.0),
+                  curve_at(&piece->lon_deg, at), &dug)) {
         grid = &dig_grid_of(query->dig)->grid;
         level = dug.level + dig_grid_of(query->dig)->finer;
         span = ldexp(1.0, dug.level);
     }
     int64_t row =
-        (int64_t)limit(floor(value(&piece->row, at) / span), (double)grid_first_row(grid, level),
+        (int64_t)limit(floor(curve_at(&piece->row, at) / span), (double)grid_first_row(grid, level),
                        (double)grid_last_row(grid, level) - 1.0);
     int32_t tile_row = (int32_t)grid_floor_div(row, TILE_CELLS);
     unsigned south = grid_lon_shift(grid, level, grid_row_owner(grid, level, row, tile_row));
     unsigned north = grid_lon_shift(grid, level, grid_row_owner(grid, level, row + 1, tile_row));
     struct box box = {.id = {level, tile_row, 0}};
-    set_borders(query, &box, (double)row, span, value(&piece->col, at),
+    set_borders(query, &box, (double)row, span, curve_at(&piece->col, at),
                 ldexp(span, (int)(south < north ? south : north)));
     return box;
 }
@@ -334,6 +315,51 @@ static bool borrows_posts(const struct query *query, struct tile_id id)
     int64_t rows = INT64_C(1) << id.level, south = id.row * rows, north = south + rows;
     return grid_row_owner(query->grid, 0, south * TILE_CELLS, (int32_t)south) != south ||
            grid_row_owner(query->grid, 0, north * TILE_CELLS, (int32_t)north - 1) != north - 1;
+}
+
+/* The block of the tile of level 0 in a box; returns its number. */
+static int block_at(const struct grid *grid, const struct box *tile, const struct piece *piece,
+                    double s, struct box *ret_block)
+{
+    double high = (tile->north - tile->south) / TILE_BLOCKS;
+    double wide = ldexp(high, (int)grid_lon_shift(grid, 0, tile->id.row));
+    double row = floor((curve_at(&piece->row, s + NUDGE) - tile->south) / high);
+    double col = floor((curve_at(&piece->col, s + NUDGE) - tile->west) / wide);
+    row = limit(row, 0.0, TILE_BLOCKS - 1);
+    col = limit(col, 0.0, TILE_BLOCKS - 1);
+    *ret_block = *tile;
+    ret_block->south += row * high;
+    ret_block->north = ret_block->south + high;
+    ret_block->west += col * wide;
+    ret_block->east = fmin(ret_block->west + wide, tile->east);
+    return (int)row * TILE_BLOCKS + (int)col;
+}
+
+static bool is_dug(const struct query *query, struct tile_id id)
+{
+    float max_m = 0.0f;
+    return query->dig && dig_any(query->dig) && dig_raise(query->dig, id, &max_m);
+}
+
+/* Through a tile of level 0: blocks that are lower than the line are passed. */
+static double hit_in_tile(struct query *query, const struct piece *piece, const struct box *tile,
+                          double begin, double end)
+{
+    bool by_blocks = !borrows_posts(query, tile->id) && !is_dug(query, tile->id);
+    while (begin < end) {
+        const float *max_m = query_view(query, 0, tile->id)->block_max_m;
+        if (!by_blocks || !max_m)
+            return hit_by_cells(query, piece, begin, end);
+        struct box block;
+        int number = block_at(query->grid, tile, piece, begin, &block);
+        double until = fmin(leaves_box(piece, &block, begin), end), hit = INFINITY;
+        if (curve_least(&piece->height_m, begin, until) - piece->error_m <= (double)max_m[number])
+            hit = hit_by_cells(query, piece, begin, until);
+        if (!isinf(hit))
+            return hit;
+        begin = until;
+    }
+    return INFINITY;
 }
 
 enum passage {
@@ -373,13 +399,14 @@ static double hit_by_tiles(struct query *query, const struct piece *piece)
         struct box box = tile_at(query, piece, s, level);
         double end = leaves_box(piece, &box, s), hit = INFINITY;
         const struct tile_pin *pin = query_view(query, 0, box.id);
-        enum passage passage = judge(query, pin, box.id, least(&piece->height_m, s, end));
+        double least_m = curve_least(&piece->height_m, s, end) - piece->error_m;
+        enum passage passage = judge(query, pin, box.id, least_m);
         if (passage == PASSAGE_CLOSER && level > 0) {
             level--;
             continue;
         }
         if (passage == PASSAGE_CLOSER)
-            hit = hit_by_cells(query, piece, s, end);
+            hit = hit_in_tile(query, piece, &box, s, end);
         else if (passage == PASSAGE_EMPTY)
             hit = hit_fallback(query, piece, s, end);
         if (!isinf(hit))
@@ -399,7 +426,7 @@ static double hit_in_piece(struct query *query, const struct piece *piece)
  * there sooner. 0 where it may. */
 static double free_way_m(const struct ray *ray, double t)
 {
-    double height_m = on_ray(ray, t).height_m;
+    double height_m = ray_at(ray, t).height_m;
     return fmax(fmax(height_m - HIGHEST_M, LOWEST_M - height_m), 0.0);
 }
 
@@ -416,7 +443,7 @@ static double hit_on_ray(struct query *query, const struct ray *ray)
         }
         double end = fmin(t + part, 1.0);
         struct piece piece;
-        while (fit(ray, t, end, &piece) > PIECE_ERROR_M && end - t > least_part)
+        while (ray_fit(ray, t, end, &piece) > RAY_ERROR_M && end - t > least_part)
             end = 0.5 * (t + end);
         double hit = hit_in_piece(query, &piece);
         if (!isinf(hit))
@@ -433,39 +460,32 @@ static bool is_place(const struct geodetic *at)
 }
 
 /* True where the line is on the ground or under it at `t`. */
-static bool meets_ground(struct query *query, const struct ray *ray, double t,
-                         struct query_sight *sight)
+static bool meets_ground(const struct ray *ray, double t, struct query_sight *sight)
 {
-    struct geodetic above = above_geoid(ray, t, 0.0);
+    struct query *query = ray->query;
+    struct geodetic at = ray_at(ray, t);
+    double undulation_m =
+        query->geoid ? geoid_undulation_m(query->geoid, at.lat_deg, at.lon_deg) : 0.0;
     sight->distance_m = t * ray->length_m;
-    sight->at = on_ray(ray, t);
-    query_answer_at(query, sight->at.lat_deg, sight->at.lon_deg, &sight->ground);
-    return above.height_m <= sight->ground.height_m + EDGE_M;
+    sight->at = at;
+    query_answer_at(query, at.lat_deg, at.lon_deg, &sight->ground);
+    return at.height_m - undulation_m <= sight->ground.height_m + EDGE_M;
 }
 
 int query_sight(struct query *query, const struct geodetic *from, const struct geodetic *to,
                 unsigned flags, struct query_sight *ret_sight)
 {
-    struct ray ray = {.query = query};
+    struct ray ray;
     struct query_sight sight = {.hit = false};
-    double to_ecef_m[3], square = 0.0;
     if (!is_place(from) || !is_place(to))
         return -EINVAL;
-    geocentric_from_geodetic(from, ray.from_ecef_m);
-    geocentric_from_geodetic(to, to_ecef_m);
-    for (int i = 0; i < 3; i++) {
-        ray.along_ecef_m[i] = to_ecef_m[i] - ray.from_ecef_m[i];
-        square += ray.along_ecef_m[i] * ray.along_ecef_m[i];
-    }
-    ray.length_m = fmax(sqrt(square), 1e-9);
+    ray_init(&ray, query, from, to);
     query_begin(query, flags);
     double t = hit_on_ray(query, &ray);
     sight.late = query->late;
     sight.hit = !isinf(t);
-    if (sight.hit) {
-        if (!meets_ground(query, &ray, t, &sight)) /* at its very edge */
-            meets_ground(query, &ray, t + EDGE_M / ray.length_m, &sight);
-    }
+    if (sight.hit && !meets_ground(&ray, t, &sight)) /* at its very edge */
+        meets_ground(&ray, t + EDGE_M / ray.length_m, &sight);
     int r = query_end(query);
     if (r == 0)
         *ret_sight = sight;

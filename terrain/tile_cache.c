@@ -107,6 +107,21 @@ static uint32_t entry_of(struct tile_cache *cache, struct tile_id id)
     return index;
 }
 
+/* The blocks stand behind the posts. */
+static float *blocks_of(const struct tile_content *content)
+{
+    return content->heights_m + TILE_POST_COUNT;
+}
+
+/* tile_make(), and the blocks of the finest level. */
+static void make_tile(struct database *database, struct tile_id id,
+                      const struct tile_content *parent, struct tile_content *content)
+{
+    tile_make(database, id, parent, content);
+    if (id.level == 0 && content->present)
+        tile_measure_blocks(content->heights_m, blocks_of(content));
+}
+
 static void count_made(struct tile_cache *cache, const struct tile_content *content)
 {
     cache->counts.loaded += content->status == 0;
@@ -126,7 +141,7 @@ static uint32_t make_now(struct tile_cache *cache, struct tile_id id)
     entry->pins--;
     if (above == TILE_NONE && !is_top(cache, id))
         return TILE_NONE;
-    tile_make(cache->database, id, above == TILE_NONE ? NULL : &entry_at(cache, above)->content,
+    make_tile(cache->database, id, above == TILE_NONE ? NULL : &entry_at(cache, above)->content,
               &entry->content);
     entry->state = TILE_READY;
     cache->table.ready++;
@@ -190,6 +205,8 @@ static struct tile_pin pin_entry(struct tile_cache *cache, uint32_t index)
         entry->pins++;
         pin.heights_m = entry->content.present ? entry->content.heights_m : NULL;
         pin.late = entry->state != TILE_READY;
+        if (pin.heights_m && !pin.late && entry->id.level == 0)
+            pin.block_max_m = blocks_of(&entry->content);
         pin.bounds = entry->content.bounds;
     }
     return pin;
@@ -386,7 +403,7 @@ static void make_one(struct worker *worker, uint32_t index)
         parent = entry_at(cache, above)->content;
     }
     pthread_mutex_unlock(&cache->lock);
-    tile_make(worker->database, id, above == TILE_NONE ? NULL : &parent, &content);
+    make_tile(worker->database, id, above == TILE_NONE ? NULL : &parent, &content);
     pthread_mutex_lock(&cache->lock);
     if (above != TILE_NONE)
         unpin(cache, above);

@@ -13,7 +13,7 @@
 
 #include "terrain/tile_make.h"
 
-#define TILE_CACHE_BYTES_PER_TILE (TILE_POST_COUNT * sizeof(float))
+#define TILE_CACHE_BYTES_PER_TILE (TILE_KEPT_FLOATS * sizeof(float))
 #define TILE_CACHE_WORKERS_MAX    16
 
 struct tile_cache;
@@ -35,7 +35,8 @@ int tile_cache_start(struct tile_cache *cache, unsigned workers, void (*arrived)
 const float *tile_cache_look(struct tile_cache *cache, struct tile_id id, int *ret_status);
 
 struct tile_pin {
-    const float *heights_m; /* NULL: no data */
+    const float *heights_m;   /* NULL: no data */
+    const float *block_max_m; /* tile_measure_blocks(); NULL: it is late, or not of level 0 */
     uint32_t entry;
     bool late; /* coarser than the database has it: wanted now */
     struct tile_bounds bounds;

@@ -12,6 +12,15 @@ struct tile_bounds {
     bool full;          /* every post of the tile has a height */
 };
 
+/* A tile is 16 x 16 blocks of 8 x 8 cells, row-major, rows northwards. */
+#define TILE_BLOCKS      16 /* a side */
+#define TILE_BLOCK_COUNT (TILE_BLOCKS * TILE_BLOCKS)
+#define TILE_KEPT_FLOATS (TILE_POST_COUNT + TILE_BLOCK_COUNT) /* of a tile that is kept */
+
+/* The greatest height of each block's posts, borders included, from TILE_POST_COUNT heights;
+ * infinite where one has none. */
+void tile_measure_blocks(const float *heights_m, float *ret_max_m);
+
 /* What a tile turned out to be. */
 struct tile_content {
     float *heights_m; /* TILE_POST_COUNT; owned by whoever made room for them */

@@ -97,7 +97,7 @@ static uint32_t evict(struct tile_table *table)
 
 static uint32_t grow(struct tile_table *table)
 {
-    float *heights_m = malloc(TILE_POST_COUNT * sizeof(*heights_m));
+    float *heights_m = malloc(TILE_KEPT_FLOATS * sizeof(*heights_m));
     if (!heights_m)
         return TILE_NONE;
     table->entries[table->count].content.heights_m = heights_m;

@@ -15,9 +15,9 @@
 
 #define REFRESH_PARTS (LOADER_MAX_STRIPS / 2) /* each may need a strip of the finer level, too */
 #define CHUNK_POSTS   HALF_POST_PLACES_MOST   /* that a worker takes at a time */
-#define AHEAD_STRIDE  32    /* half-posts between those that are asked for ahead */
-#define MOVE_POSTS    2.0   /* that an eye goes before a level follows */
-#define GROWTH_STEPS  512.0 /* in which a level's radius is found that an update has room for */
+#define AHEAD_STRIDE  32     /* half-posts between those that are asked for ahead */
+#define MOVE_POSTS    2.0    /* that an eye goes before a level follows */
+#define GROWTH_STEPS  2048.0 /* in which a level's radius is found that an update has room for */
 
 /* A rectangle of half-posts of one level that is to be sampled. */
 struct filler_part {
@@ -501,23 +501,31 @@ void window_filler_spoil(struct window_filler *filler, const struct terrain_rect
     }
 }
 
+static void prefetch(struct window_filler *filler, const struct terrain_places *places)
+{
+    if (places->count > 0)
+        filler->source->ops->prefetch(filler->source, places);
+}
+
 /* Every AHEAD_STRIDE-th half-post of a rectangle, and its rims. */
 static void ask_ahead(struct window_filler *filler, const struct level_store *store,
                       struct clipmap_rect rect)
 {
-    struct terrain_source *source = filler->source;
     double *lat_deg = filler->scratch[0].lat_deg, *lon_deg = filler->scratch[0].lon_deg;
-    struct terrain_places places = {.lat_deg = lat_deg, .lon_deg = lon_deg};
+    struct terrain_places places = {.lat_deg = lat_deg,
+                                    .lon_deg = lon_deg,
+                                    .spacing_deg = degrees_from(level_store_half_step_rad(store))};
     for (int r = 0; r < rect.rows + AHEAD_STRIDE - 1; r += AHEAD_STRIDE)
         for (int c = 0; c < rect.cols + AHEAD_STRIDE - 1; c += AHEAD_STRIDE) {
             struct clipmap_rect one = {rect.row0 + smaller(r, rect.rows - 1),
                                        rect.col0 + smaller(c, rect.cols - 1), 1, 1};
-            assert(places.count < CHUNK_POSTS);
             level_store_places(store, one, 1, lat_deg + places.count, lon_deg + places.count);
-            places.count++;
+            if (++places.count == CHUNK_POSTS) {
+                prefetch(filler, &places);
+                places.count = 0;
+            }
         }
-    places.spacing_deg = degrees_from(level_store_half_step_rad(store));
-    source->ops->prefetch(source, &places);
+    prefetch(filler, &places);
 }
 
 void window_filler_look_ahead(struct window_filler *filler, const struct filler_eye *eye)

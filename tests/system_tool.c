@@ -8,6 +8,10 @@
  *   system_tool cigi-ask PORT REPLY HEIGHTS LINES FRAMES
  *                                     a CIGI host that asks so many heights and lines of sight at
  *                                     once, so many times, each time when all is answered
+ *   system_tool swaps GROUP INTERFACE FROM_S
+ *                                     a line for each frame that channels of a swap lock tell that
+ *                                     they show, until killed: number, channel, whose number (host
+ *                                     or tick), ms of the system clock since FROM_S
  */
 #include <math.h>
 #include <netinet/in.h>
@@ -21,9 +25,11 @@
 
 #include "io/cigi_host.h"
 #include "io/native.h"
+#include "io/swap_lock.h"
 #include "io/udp.h"
 
-#define LIFE_S 60 /* an orphan ends by itself */
+#define LIFE_S           60 /* an orphan ends by itself */
+#define SWAPS_SILENCE_MS 60000
 
 static void fail(const char *what)
 {
@@ -186,10 +192,27 @@ static void put_traffic(const char *kind, const struct cigi_host *host, struct c
         cigi_write(writer, &gone);
 }
 
+/* What speaks of a view, an entity or a place that is not there. */
+static void put_unknown(const char *kind, struct cigi_writer *writer)
+{
+    struct cigi_packet view = {.kind = CIGI_VIEW_CONTROL, .view_control = {.view = 77}};
+    struct cigi_packet request = {.kind = CIGI_HEIGHT_REQUEST};
+    if (strcmp(kind, "no-view") == 0)
+        cigi_write(writer, &view);
+    request.height_request = (struct cigi_height_request){.request = 1, .place = {91.0, 7.9, 0.0}};
+    if (strcmp(kind, "far-request") == 0)
+        cigi_write(writer, &request);
+    request.height_request =
+        (struct cigi_height_request){.request = 2, .entity = 99, .of_entity = 1};
+    if (strcmp(kind, "no-request-entity") == 0)
+        cigi_write(writer, &request);
+}
+
 /* What is wrong stands before a place of own-ship, where that can be read at all. */
 static size_t make_cigi(const char *kind, uint8_t data[CIGI_MESSAGE_MAX])
 {
     static const uint8_t size_0[8] = {2, 0}, past_end[8] = {2, 240}, unknown[8] = {250, 8};
+    static const uint8_t odd_size[16] = {2, 12}, garbage[24] = {90, 90, 90, 90, 90, 90, 90, 90};
     struct cigi_host host = {.format = {.major = 3, .minor = 3}, .frame = 1};
     struct cigi_packet orphan = {.kind = CIGI_RATE, .rate = {.entity = 99}};
     struct cigi_writer writer;
@@ -204,6 +227,12 @@ static size_t make_cigi(const char *kind, uint8_t data[CIGI_MESSAGE_MAX])
         put_bytes(&writer, size_0, sizeof(size_0));
     if (strcmp(kind, "past-end") == 0)
         put_bytes(&writer, past_end, sizeof(past_end));
+    if (strcmp(kind, "odd-size") == 0)
+        put_bytes(&writer, odd_size, sizeof(odd_size));
+    if (strcmp(kind, "garbage") == 0) {
+        put_own_ship(&host, &writer, 46.65);
+        put_bytes(&writer, garbage, sizeof(garbage));
+    }
     if (strcmp(kind, "nan") == 0) {
         put_own_ship(&host, &writer, NAN);
         put_own_ship(&host, &writer, 46.6);
@@ -219,6 +248,7 @@ static size_t make_cigi(const char *kind, uint8_t data[CIGI_MESSAGE_MAX])
     if (strcmp(kind, "clamped") == 0)
         put_clamped(&writer);
     put_surroundings(kind, &writer);
+    put_unknown(kind, &writer);
     put_traffic(kind, &host, &writer);
     if (strcmp(kind, "magic") == 0 || strcmp(kind, "noise") == 0)
         memset(data, 0x5a, writer.size);
@@ -341,6 +371,30 @@ static int cigi_ask(char **arguments)
     return 0;
 }
 
+static int swaps(const char *group, const char *interface, nsec_t from_ns)
+{
+    struct udp udp;
+    struct datagram datagram;
+    struct swap_message m;
+    struct diag diag;
+    uint8_t data[SWAP_MESSAGE_SIZE];
+    setvbuf(stdout, NULL, _IOLBF, 0);
+    alarm(0); /* the test ends it */
+    if (udp_listen_group(&udp, group, interface, &diag) < 0) {
+        fprintf(stderr, "%s\n", diag.text);
+        return 1;
+    }
+    struct pollfd poll_fd = {.fd = udp.fd, .events = POLLIN};
+    while (poll(&poll_fd, 1, SWAPS_SILENCE_MS) > 0)
+        if (udp_receive(&udp, data, sizeof(data), &datagram) > 0 &&
+            swap_message_decode(data, datagram.size, &m, NULL) == 0 && m.kind == SWAP_SHOW)
+            printf("%u %u %s %.4f\n", m.label.number, m.channel,
+                   m.label.base == SWAP_HOST ? "host" : "tick",
+                   milliseconds_from_ns(m.realtime_ns - from_ns));
+    udp_close(&udp);
+    return 0;
+}
+
 int main(int argc, char **argv)
 {
     const char *what = argc > 1 ? argv[1] : "";
@@ -357,6 +411,8 @@ int main(int argc, char **argv)
         return cigi((unsigned)atoi(argv[2]), argv[3], argc > 4 ? atoi(argv[4]) : 1);
     if (strcmp(what, "cigi-ask") == 0 && argc == 7)
         return cigi_ask(argv + 2);
+    if (strcmp(what, "swaps") == 0 && argc == 5)
+        return swaps(argv[2], argv[3], atoll(argv[4]) * NSEC_PER_SEC);
     fputs("usage: see the head of tests/system_tool.c\n", stderr);
     return 64;
 }

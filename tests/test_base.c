@@ -143,6 +143,26 @@ static void utc_is_parsed_strictly(void)
     CHECK_INT(clock_parse_utc("2000-01-01T00:00:01Zx", &t), -EINVAL);
 }
 
+static void machines_whose_system_clocks_agree_have_the_same_ticks(void)
+{
+    const nsec_t period_ns = 16666667, realtime_ns = INT64_C(1790000000123456789);
+    static const nsec_t booted_ns[] = {5, 77 * NSEC_PER_SEC, 123456789012345};
+    for (int step = 0; step < 1000; step++) {
+        uint32_t first = 0, number;
+        for (size_t i = 0; i < sizeof(booted_ns) / sizeof(booted_ns[0]); i++) {
+            nsec_t now_ns = booted_ns[i] + step * 1234567;
+            nsec_t tick_ns =
+                clock_tick_near(now_ns, now_ns, realtime_ns + step * 1234567, period_ns, &number);
+            nsec_t shared_ns = tick_ns + realtime_ns - booted_ns[i];
+            CHECK_INT(shared_ns % period_ns, 0);
+            CHECK_INT((uint32_t)(shared_ns / period_ns), number);
+            CHECK(llabs(tick_ns - now_ns) <= period_ns / 2 + 1);
+            first = i == 0 ? number : first;
+            CHECK_INT(number, first);
+        }
+    }
+}
+
 int main(void)
 {
     static const struct check_test tests[] = {
@@ -153,6 +173,8 @@ int main(void)
         {"a byte reader stops at its end", a_byte_reader_stops_at_its_end},
         {"a diagnostic is prefixed and cut", a_diagnostic_is_prefixed_and_cut},
         {"UTC is parsed strictly", utc_is_parsed_strictly},
+        {"machines whose system clocks agree have the same ticks",
+         machines_whose_system_clocks_agree_have_the_same_ticks},
     };
     return CHECK_MAIN(tests);
 }

@@ -1,7 +1,10 @@
 #include <errno.h>
+#include <poll.h>
+#include <stdlib.h>
+#include <unistd.h>
 
 #include "base/bytes.h"
-#include "io/canaerospace.h"
+#include "io/source.h"
 #include "tests/check.h"
 #include "tests/hex.h"
 
@@ -50,7 +53,7 @@ static void canaerospace_halves_pair_in_either_order(void)
     for (int high_first = 0; high_first < 2; high_first++) {
         struct canaerospace state;
         struct pose_sample sample = {0};
-        canaerospace_init(&state);
+        canaerospace_init(&state, 0);
         CHECK(feed_example(&state, NSEC_PER_SEC, high_first, &sample) > 0);
         CHECK_NEAR(sample.pose.position.lat_deg, 47.4582, 1e-12);
         CHECK_NEAR(sample.pose.position.lon_deg, 8.5555, 1e-12);
@@ -68,7 +71,7 @@ static void a_lost_half_never_marries_the_next_pair(void)
 {
     struct canaerospace state;
     struct pose_sample sample;
-    canaerospace_init(&state);
+    canaerospace_init(&state, 0);
     feed_example(&state, NSEC_PER_SEC, false, &sample);
     /* Code 6: the low half only. Code 7: high first, then low, of latitude 48. */
     feed(&state, 1036, "091F0006FFFFFFFF", 2 * NSEC_PER_SEC, &sample);
@@ -83,7 +86,7 @@ static void halves_with_a_code_each_pair_within_a_few_milliseconds(void)
 {
     struct canaerospace state;
     struct pose_sample sample;
-    canaerospace_init(&state);
+    canaerospace_init(&state, 0);
     feed(&state, 1036, "091F00FF4C2F837B", NSEC_PER_SEC, &sample);
     feed(&state, 1036, "091E00004047BAA6", NSEC_PER_SEC + NSEC_PER_MSEC, &sample);
     CHECK_NEAR(state.assembly.pieces[CAN_GPS_LATITUDE].value, 47.4582, 1e-12);
@@ -97,7 +100,7 @@ static void message_codes_tell_what_was_lost(void)
 {
     struct canaerospace state;
     struct pose_sample sample;
-    canaerospace_init(&state);
+    canaerospace_init(&state, 0);
     feed(&state, 311, "010200FE40500000", NSEC_PER_SEC, &sample);
     feed(&state, 311, "010200FF40500000", NSEC_PER_SEC, &sample);
     feed(&state, 311, "0102000040500000", NSEC_PER_SEC, &sample);
@@ -111,7 +114,7 @@ static void short2_is_scaled_as_the_specification_says(void)
 {
     struct canaerospace state;
     struct pose_sample sample;
-    canaerospace_init(&state);
+    canaerospace_init(&state, 0);
     feed(&state, 1038, "090C0000400005DC", NSEC_PER_SEC, &sample); /* 0x4000 of 1500 */
     CHECK_NEAR(state.assembly.pieces[CAN_GPS_HEIGHT].value, 750.0, 0.03);
     feed(&state, 311, "010C0000C000005A", NSEC_PER_SEC, &sample); /* -0x4000 of 90 */
@@ -143,7 +146,7 @@ static void bad_canaerospace_frames_are_refused_with_their_reason(void)
         struct canaerospace state;
         struct pose_sample sample;
         struct rejection rejection = {0};
-        canaerospace_init(&state);
+        canaerospace_init(&state, 0);
         struct can_frame frame = frame_of(cases[i].id, cases[i].hex);
         CHECK_INT(canaerospace_take(&state, &frame, 1, &sample, &rejection), cases[i].r);
         CHECK_INT(rejection.reason, cases[i].reason);
@@ -156,7 +159,7 @@ static void position_is_carried_forward_between_fixes(void)
 {
     struct canaerospace state;
     struct canaerospace_encoder encoder = {.node = 1, .position_every = 8};
-    canaerospace_init(&state);
+    canaerospace_init(&state, 0);
     int poses = 0, with_attitude = 0;
     double worst_m = 0.0;
     for (int i = 0; i < 240; i++) {
@@ -190,7 +193,7 @@ static void true_heading_and_gps_height_are_preferred(void)
 {
     struct canaerospace state;
     struct pose_sample sample;
-    canaerospace_init(&state);
+    canaerospace_init(&state, 0);
     feed_example(&state, NSEC_PER_SEC, false, &sample);
     CHECK_NEAR(sample.pose.attitude.heading_deg, 271.5, 0.0);
     feed(&state, 1133, "0902000042340000", NSEC_PER_SEC + 20 * NSEC_PER_MSEC, &sample); /* 45 */
@@ -203,7 +206,7 @@ static void barometric_altitude_stands_in_above_the_geoid(void)
 {
     struct canaerospace state;
     struct pose_sample sample = {0};
-    canaerospace_init(&state);
+    canaerospace_init(&state, 0);
     feed(&state, 320, "0202000544B59000", NSEC_PER_SEC, &sample);
     feed(&state, 1036, "0902000042380000", NSEC_PER_SEC, &sample);
     CHECK_INT(feed(&state, 1037, "0902000041100000", NSEC_PER_SEC, &sample), 1);
@@ -215,7 +218,7 @@ static void barometric_altitude_stands_in_above_the_geoid(void)
 static int feed_float(struct canaerospace *state, enum can_quantity quantity, double value,
                       nsec_t now_ns, struct pose_sample *ret_sample)
 {
-    struct can_frame frame = frame_of(canaerospace_id(quantity), "0102000000000000");
+    struct can_frame frame = frame_of(canaerospace_id(quantity, 0), "0102000000000000");
     struct byte_writer out = {.data = frame.data, .size = 8, .offset = 4};
     byte_writer_put(&out, bits_from_float((float)value), 4, true);
     return canaerospace_take(state, &frame, now_ns, ret_sample, NULL);
@@ -226,7 +229,7 @@ static void magnetic_heading_needs_its_variation(void)
     struct canaerospace state;
     struct pose_sample sample = {0};
     nsec_t now_ns = NSEC_PER_SEC;
-    canaerospace_init(&state);
+    canaerospace_init(&state, 0);
     feed_float(&state, CAN_GPS_LATITUDE, 46, now_ns, &sample);
     feed_float(&state, CAN_GPS_HEIGHT, 500, now_ns, &sample);
     feed_float(&state, CAN_PITCH, 1, now_ns, &sample);
@@ -260,7 +263,7 @@ static void velocity_is_found_in_whatever_axes_there_are(void)
     };
     for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
         nsec_t now_ns = NSEC_PER_SEC;
-        canaerospace_init(&state);
+        canaerospace_init(&state, 0);
         for (int k = 0; k < 4; k++)
             feed_float(&state, cases[i].quantities[k], cases[i].values[k], now_ns, &sample);
         feed_float(&state, CAN_GPS_LATITUDE, 46, now_ns, &sample);
@@ -281,7 +284,7 @@ static void a_fix_is_never_made_of_two_cycles(void)
     struct canaerospace state;
     struct pose_sample sample;
     nsec_t start_ns = NSEC_PER_SEC, cycle_ns = 100 * NSEC_PER_MSEC;
-    canaerospace_init(&state);
+    canaerospace_init(&state, 0);
     for (int i = 0; i < 6; i++) {
         nsec_t now_ns = start_ns + i * cycle_ns;
         feed_float(&state, CAN_GPS_HEIGHT, 500, now_ns, &sample);
@@ -295,12 +298,106 @@ static void a_fix_is_never_made_of_two_cycles(void)
     }
 }
 
+/* One latitude, and a cycle later one longitude: nothing is known of cycles yet. */
+static void nor_is_the_first_one(void)
+{
+    struct canaerospace state;
+    struct pose_sample sample;
+    canaerospace_init(&state, 0);
+    feed_float(&state, CAN_GPS_HEIGHT, 500, NSEC_PER_SEC, &sample);
+    feed_float(&state, CAN_GPS_LATITUDE, 46, NSEC_PER_SEC, &sample);
+    nsec_t later_ns = NSEC_PER_SEC + 100 * NSEC_PER_MSEC;
+    CHECK_INT(feed_float(&state, CAN_GPS_LONGITUDE, 9, later_ns, &sample), 0);
+    feed_float(&state, CAN_GPS_HEIGHT, 500, later_ns, &sample);
+    CHECK_INT(feed_float(&state, CAN_GPS_LATITUDE, 47, later_ns, &sample), 1);
+    CHECK_NEAR(sample.pose.position.lat_deg, 47, 0);
+}
+
+/* Two cycles of a sender that was held up come within a millisecond; then it goes on. */
+static void a_burst_does_not_stop_fixes(void)
+{
+    static const int times_ms[] = {0, 100, 200, 300, 400, 401, 500, 600, 700};
+    struct canaerospace state;
+    struct pose_sample sample;
+    canaerospace_init(&state, 0);
+    feed_float(&state, CAN_TRUE_ALTITUDE, 500, NSEC_PER_SEC, &sample);
+    for (int i = 0; i < 9; i++) {
+        nsec_t now_ns = NSEC_PER_SEC + times_ms[i] * NSEC_PER_MSEC;
+        feed_float(&state, CAN_GPS_LATITUDE, 46 + i, now_ns, &sample);
+        now_ns += 800 * NSEC_PER_USEC;
+        CHECK_INT(feed_float(&state, CAN_GPS_LONGITUDE, 8, now_ns, &sample), 1);
+        CHECK_NEAR(sample.pose.position.lat_deg, 46 + i, 0);
+    }
+}
+
+/* Its height belongs to a fix: while it is lost there is none, and after three cycles another one's
+ * has to do. */
+static void a_height_of_another_cycle_is_not_taken_while_it_can_be_waited_for(void)
+{
+    struct canaerospace state;
+    struct pose_sample sample;
+    canaerospace_init(&state, 0);
+    for (int i = 0; i < 12; i++) {
+        nsec_t now_ns = NSEC_PER_SEC + i * 100 * NSEC_PER_MSEC;
+        bool lost = i == 3 || i >= 6;
+        feed_float(&state, CAN_GPS_LATITUDE, 46 + i, now_ns, &sample);
+        int made = feed_float(&state, CAN_GPS_LONGITUDE, 8 + i, now_ns, &sample);
+        if (!lost)
+            made |= feed_float(&state, CAN_GPS_HEIGHT, 500 + i, now_ns, &sample);
+        CHECK_INT(made, i > 0 && (!lost || i >= 8));
+        if (made)
+            CHECK_NEAR(sample.pose.position.height_m, lost ? 505 : 500 + i, 0);
+    }
+}
+
+/* North by 4 m/s each second, and a turn of 8 deg/s through north, of which frames are lost. */
+static void what_was_lost_goes_on_as_it_went(void)
+{
+    struct canaerospace state;
+    struct canaerospace_encoder encoder = {.node = 1, .position_every = 8};
+    double worst_deg = 0.0, worst_mps = 0.0;
+    nsec_t fix_ns = 0;
+    int fixes = 0;
+    canaerospace_init(&state, 0);
+    for (int i = 0; i < 400; i++) {
+        double t_s = i / 80.0, heading_deg = heading_normalised_deg(340.0 + 8.0 * t_s);
+        nsec_t now_ns = NSEC_PER_SEC + i * 12500000ll;
+        struct pose pose = {.valid = POSE_POSITION | POSE_ATTITUDE | POSE_VELOCITY,
+                            .position = {1e-6 * i, 0.0, 0.0},
+                            .attitude = {0.0, 0.0, heading_deg},
+                            .velocity_ned_mps = {10.0 + 4.0 * t_s}};
+        struct can_frame frames[CANAEROSPACE_FRAMES_MAX];
+        size_t count = canaerospace_encode(&encoder, &pose, frames);
+        for (size_t k = 0; k < count; k++) {
+            struct pose_sample sample;
+            bool lost = (frames[k].can_id == canaerospace_id(CAN_TRUE_HEADING, 0) && i % 7 == 0) ||
+                        (frames[k].can_id == canaerospace_id(CAN_NORTH, 0) && i % 3 == 0);
+            if (lost || canaerospace_take(&state, &frames[k], now_ns, &sample, NULL) <= 0 || i < 80)
+                continue;
+            double t_then_s = seconds_from_ns(sample.pose.time_ns - NSEC_PER_SEC);
+            double off_deg =
+                remainder(sample.pose.attitude.heading_deg - (340.0 + 8.0 * t_then_s), 360.0);
+            worst_deg = fmax(worst_deg, fabs(off_deg));
+            nsec_t at_ns = sample.pose.time_ns - sample.pose.position_age_ns;
+            if (at_ns == fix_ns)
+                continue;
+            fix_ns = at_ns;
+            fixes++;
+            double true_mps = 10.0 + 4.0 * seconds_from_ns(at_ns - NSEC_PER_SEC);
+            worst_mps = fmax(worst_mps, fabs(sample.pose.velocity_ned_mps[0] - true_mps));
+        }
+    }
+    CHECK_INT(fixes, 40);
+    CHECK(worst_deg < 0.02); /* 0.1 where the last one stands */
+    CHECK(worst_mps < 0.01); /* 0.05 */
+}
+
 static void ins_stands_in_when_gps_falls_silent(void)
 {
     struct canaerospace state;
     struct pose_sample sample = {0};
     nsec_t now_ns = NSEC_PER_SEC;
-    canaerospace_init(&state);
+    canaerospace_init(&state, 0);
     feed_float(&state, CAN_GPS_LATITUDE, 46, now_ns, &sample);
     feed_float(&state, CAN_GPS_HEIGHT, 500, now_ns, &sample);
     feed_float(&state, CAN_GPS_LONGITUDE, 8, now_ns, &sample);
@@ -316,6 +413,63 @@ static void ins_stands_in_when_gps_falls_silent(void)
     CHECK_NEAR(sample.pose.position.lat_deg, 47, 0);
     CHECK_NEAR(sample.pose.position.height_m, 600, 0);
     CHECK_INT(sample.datum, ALTITUDE_ELLIPSOID);
+}
+
+static double undulation_50_m(void *context, double lat_deg, double lon_deg)
+{
+    return 50.0;
+}
+
+static void hear_pose(void *context, struct pose_source *source, const struct pose *pose)
+{
+    *(struct pose *)context = *pose;
+}
+
+static struct pose_source *open_channel(const char *url, unsigned redundancy)
+{
+    struct pose_source *source = NULL;
+    struct pose_source_params params = {.name = "unit",
+                                        .endpoint = url,
+                                        .intake = {.protocol = POSE_PROTOCOL_CANAEROSPACE,
+                                                   .redundancy = redundancy,
+                                                   .geoid = {.undulation_m = undulation_50_m}}};
+    CHECK_INT(pose_source_open(&params, &source, NULL), 0);
+    return source;
+}
+
+/* What three redundant units of one bus say, of which two are listened to. */
+static void each_source_hears_its_own_redundancy_channel(void)
+{
+    static const unsigned channels[] = {0, 1, CANAEROSPACE_REDUNDANCY_MAX};
+    char scratch[] = "/tmp/otwd-redundant-XXXXXX", url[64];
+    CHECK(mkdtemp(scratch) != NULL);
+    snprintf(url, sizeof(url), "sim:%s/bus", scratch);
+    struct pose_source *sources[] = {open_channel(url, 0), open_channel(url, channels[2])};
+    struct can_bus *member = NULL;
+    CHECK_INT(can_bus_create(url, &(struct can_bus_params){0}, &member, NULL), 0);
+    for (unsigned i = 0; i < 3; i++) {
+        struct canaerospace_encoder encoder = {.node = (uint8_t)(i + 1), .redundancy = channels[i]};
+        struct can_frame frames[CANAEROSPACE_FRAMES_MAX];
+        struct pose pose = {.valid = POSE_POSITION | POSE_ATTITUDE, .position = {46.0 + i, 8.0, 9}};
+        size_t count = canaerospace_encode(&encoder, &pose, frames);
+        CHECK_INT(frames[0].can_id,
+                  channels[i] ? CAN_EFF_FLAG | (1036 + 65536 * channels[i]) : 1036);
+        for (size_t k = 0; k < count; k++)
+            CHECK_INT(can_bus_send(member, &frames[k]), 0);
+    }
+    for (int i = 0; i < 2; i++) {
+        struct pose pose = {0};
+        struct pose_source_events events = {.context = &pose, .pose = hear_pose};
+        struct pollfd wait = {.fd = pose_source_fd(sources[i]), .events = POLLIN};
+        while (poll(&wait, 1, 200) > 0)
+            pose_source_dispatch(sources[i], clock_monotonic_ns(), &events);
+        CHECK_NEAR(pose.position.lat_deg, 46.0 + 2 * i, 0.0);
+        CHECK_INT(pose_source_counters(sources[i])->received, 8);
+    }
+    can_bus_destroy(member);
+    pose_source_close(sources[1]);
+    pose_source_close(sources[0]);
+    rmdir(scratch);
 }
 
 static void the_identification_service_is_answered(void)
@@ -347,7 +501,13 @@ static const struct check_test tests[] = {
     {"a magnetic heading needs its variation", magnetic_heading_needs_its_variation},
     {"velocity is found in whatever axes there are", velocity_is_found_in_whatever_axes_there_are},
     {"a fix is never made of two cycles", a_fix_is_never_made_of_two_cycles},
+    {"nor is the first one", nor_is_the_first_one},
+    {"a burst does not stop fixes", a_burst_does_not_stop_fixes},
+    {"a height of another cycle is not taken while its own can be waited for",
+     a_height_of_another_cycle_is_not_taken_while_it_can_be_waited_for},
+    {"what was lost goes on as it went", what_was_lost_goes_on_as_it_went},
     {"INS stands in when GPS falls silent", ins_stands_in_when_gps_falls_silent},
+    {"each source hears its own redundancy channel", each_source_hears_its_own_redundancy_channel},
     {"the identification service is answered", the_identification_service_is_answered},
 };
 

@@ -123,6 +123,69 @@ static void the_frustum_changes_from_frame_to_frame_and_in_a_mirror(void)
     channel_destroy(channel);
 }
 
+/* What does not show the ground as it was shows what a picture of nothing but sky has there. */
+static void what_lies_beyond_the_far_plane_is_sky(void)
+{
+    static uint8_t all[SIDE][SIDE][4], cut[SIDE][SIDE][4], none[SIDE][SIDE][4];
+    struct channel *channel = NULL;
+    struct diag diag = {""};
+    struct channel_params params = channel_of(SIDE);
+    if (channel_create(&params, &channel, &diag) < 0)
+        CHECK_FAIL("%s", diag.text);
+    if (!channel)
+        return;
+    struct channel_geometry geometry = params.geometry;
+    for (int i = 0; i < 3; i++)
+        draw(channel, &geometry, all);
+    geometry.far_m = 3e3;
+    draw(channel, &geometry, cut);
+    geometry.far_m = 1.0;
+    draw(channel, &geometry, none);
+    int ground = 0, sky = 0;
+    for (int y = 0; y < SIDE; y++)
+        for (int x = 0; x < SIDE; x++) {
+            bool is_all = memcmp(cut[y][x], all[y][x], 4) == 0;
+            bool is_none = memcmp(cut[y][x], none[y][x], 4) == 0;
+            CHECK(is_all || is_none);
+            ground += is_all && !is_none;
+            sky += is_none && !is_all;
+        }
+    printf("of %d pixels %d show ground, %d lie beyond the far plane\n", SIDE * SIDE, ground, sky);
+    CHECK(ground > SIDE * SIDE / 20);
+    CHECK(sky > SIDE * SIDE / 20);
+    geometry.far_m = INFINITY;
+    draw(channel, &geometry, cut);
+    CHECK_NEAR(difference(cut, all, false, false), 0.0, 0.0);
+    channel_destroy(channel);
+}
+
+/* A visibility of 2 km hides the ground that is seen from 3 km; clear air shows as much as 655 km
+ * does. */
+static void clear_air_has_no_haze(void)
+{
+    static uint8_t hazy[SIDE][SIDE][4], far[SIDE][SIDE][4], clear[SIDE][SIDE][4];
+    uint8_t(*const pictures[])[SIDE][4] = {hazy, far, clear};
+    static const double visibilities_m[] = {2000.0, 655350.0, 2000.0};
+    for (int i = 0; i < 3; i++) {
+        struct channel *channel = NULL;
+        struct diag diag = {""};
+        struct channel_params params = channel_of(SIDE);
+        params.visibility_m = visibilities_m[i];
+        params.clear_air = i == 2;
+        if (channel_create(&params, &channel, &diag) < 0)
+            CHECK_FAIL("%s", diag.text);
+        if (!channel)
+            return;
+        for (int k = 0; k < 3; k++)
+            draw(channel, &params.geometry, pictures[i]);
+        channel_destroy(channel);
+    }
+    double from_far = difference(clear, far, false, false);
+    double from_hazy = difference(clear, hazy, false, false);
+    printf("clear air differs from 655 km by %.2f, from 2 km by %.2f\n", from_far, from_hazy);
+    CHECK(from_far < 1.0 && from_hazy > 5.0);
+}
+
 int main(void)
 {
     static const struct check_test tests[] = {
@@ -130,6 +193,8 @@ int main(void)
          a_pose_that_is_no_place_shows_the_one_before},
         {"the frustum changes from frame to frame, and in a mirror",
          the_frustum_changes_from_frame_to_frame_and_in_a_mirror},
+        {"what lies beyond the far plane is sky", what_lies_beyond_the_far_plane_is_sky},
+        {"clear air has no haze", clear_air_has_no_haze},
     };
     struct gl_context *context;
     struct diag diag = {""};

@@ -304,7 +304,7 @@ static void test_seen(void)
     struct cigi_packet hidden = entity_at(8, LAT_DEG, LON_DEG, 1700.0);
     struct cigi_packet child = child_of(9, 0, 0.0, 0.0, 5.0);
     struct cigi_seen seen[4];
-    double at_m[3];
+    struct pose pose;
     pair_operate(little_3);
     exchange(&ship);
     other.entity_control.type = 700;
@@ -314,19 +314,52 @@ static void test_seen(void)
     exchange(&hidden);
     exchange(&child);
     CHECK_INT(cigi_scene_seen(scene(), 0, &ground, seen, 4), 2);
-    CHECK(seen[0].entity == 7 && seen[0].type == 700 && seen[0].alpha == 255 && seen[0].kind == 0);
+    CHECK(seen[0].entity == 7 && seen[0].type == 700 && seen[0].alpha == 255 &&
+          !seen[0].enumerated);
     CHECK_INT(seen[1].entity, 9);
-    geocentric_from_geodetic(&(struct geodetic){LAT_DEG, LON_DEG, 1600.0}, at_m);
-    for (int i = 0; i < 3; i++)
-        CHECK_NEAR(seen[0].ecef_m[i], at_m[i], 1e-6);
-    /* Its nose, along x, points to the east: (-sin lon, cos lon, 0). */
-    double m[3][3], lon = LON_DEG * M_PI / 180.0;
-    matrix_from_quaternion(seen[0].ecef_from_body, m);
-    CHECK_NEAR(m[0][0], -sin(lon), 1e-9);
-    CHECK_NEAR(m[1][0], cos(lon), 1e-9);
-    geocentric_from_geodetic(&(struct geodetic){LAT_DEG, LON_DEG, 1495.0}, at_m);
-    for (int i = 0; i < 3; i++)
-        CHECK_NEAR(seen[1].ecef_m[i], at_m[i], 1e-3);
+    check_enu(&seen[0].pose, 0.0, 0.0, 100.0);
+    CHECK_NEAR(seen[0].pose.attitude.heading_deg, 90.0, 1e-9);
+    check_enu(&seen[1].pose, 0.0, 0.0, -5.0);
+    /* A child is placed when what it hangs below is, by the message that came last. */
+    nsec_t came_ns = talk.now_ns;
+    exchange(&ship);
+    CHECK_INT(cigi_scene_seen(scene(), 0, &ground, seen, 4), 2);
+    CHECK(seen[0].placed_ns < came_ns && !seen[0].moves);
+    CHECK_INT(seen[1].placed_ns, came_ns);
+    struct cigi_packet rate = {.kind = CIGI_RATE};
+    rate.rate = (struct cigi_rate){.entity = 7, .linear_mps = {100.0f, 0.0f, 0.0f}};
+    exchange(&rate);
+    CHECK_INT(cigi_scene_seen(scene(), 0, &ground, seen, 4), 2);
+    CHECK(seen[0].moves && !seen[1].moves);
+    CHECK_INT(cigi_scene_entity_pose(scene(), 7, &ground, &pose), 0);
+    CHECK_NEAR(seen[0].pose.position.lat_deg, pose.position.lat_deg, 0.0);
+    /* A DIS enumeration of kind 0 ("other") is one, too. */
+    pair_end();
+    pair_operate(little_4);
+    struct cigi_packet dis = other, place = {.kind = CIGI_ENTITY_POSITION};
+    dis.entity_control.extended = 1;
+    dis.entity_control.type = 225;
+    dis.entity_control.dis_domain = 1;
+    place.entity_position.entity = 7;
+    place.entity_position.placement.place[0] = LAT_DEG;
+    exchange(&dis);
+    exchange(&place);
+    CHECK_INT(cigi_scene_seen(scene(), 0, &ground, seen, 4), 1);
+    CHECK(seen[0].enumerated && seen[0].type == 225 && seen[0].domain == 1);
+    pair_end();
+}
+
+/* As many as there is room for; the one whose eye it is is left out. */
+static void test_seen_limits(void)
+{
+    struct cigi_packet ship = entity_at(0, LAT_DEG, LON_DEG, 1500.0);
+    struct cigi_packet other = entity_at(7, LAT_DEG, LON_DEG, 1600.0);
+    struct cigi_packet child = child_of(9, 0, 0.0, 0.0, 5.0);
+    struct cigi_seen seen[4];
+    pair_operate(little_3);
+    exchange(&ship);
+    exchange(&other);
+    exchange(&child);
     CHECK_INT(cigi_scene_seen(scene(), 0, &ground, seen, 1), 1);
     CHECK_INT(cigi_scene_seen(scene(), 7, &ground, seen, 4), 2);
     pair_end();
@@ -450,6 +483,10 @@ static void test_stored(void)
     CHECK_NEAR(cigi_scene_part(scene(), 0, 4)->attitude.heading_deg, 45.0, 0.0);
     CHECK_NEAR(cigi_scene_part(scene(), 0, 4)->attitude.pitch_deg, 30.0, 0.0);
     CHECK_NEAR(cigi_scene_part(scene(), 0, 6)->offset_m[2], 2.5, 0.0);
+    pair_of_parts.short_articulated_part.value[0] = 99.0f;
+    pair_of_parts.short_articulated_part.freedom[1] = 7; /* is none: the packet is not taken */
+    CHECK(exchange(&pair_of_parts) == CIGI_PARTLY && talk.why.reason == REJECT_FIELD);
+    CHECK_NEAR(cigi_scene_part(scene(), 0, 4)->attitude.heading_deg, 45.0, 0.0);
     region.region = (struct cigi_region){.region = 8, .state = CIGI_ACTIVE, .lat_deg = 47.0};
     CHECK_INT(exchange(&region), 0);
     CHECK_INT(scene()->regions.count, 1);
@@ -484,6 +521,7 @@ int main(void)
 {
     static const struct check_test tests[] = {
         {"what is to be drawn: active entities but own-ship, in ECEF", test_seen},
+        {"of what is to be drawn no more than there is room for", test_seen_limits},
         {"children ride on their parents and go with them", test_children},
         {"attachment has a depth that ends", test_depth},
         {"entities are clamped to the ground and to its slope", test_clamps},

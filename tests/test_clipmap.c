@@ -28,12 +28,13 @@ static void interesting_normal(int i, double ret[3])
         cube_normal(i % CUBE_FACES, xi, eta, ret);
 }
 
-static struct clipmap_shape shapes[4];
+#define SHAPES 10
+static struct clipmap_shape shapes[SHAPES];
 
 static void a_cap_s_posts_fit_into_the_storage(void)
 {
     int too_wide = 0, too_large = 0, missing = 0, levels = 0;
-    for (size_t s = 0; s < 4; s++)
+    for (size_t s = 0; s < SHAPES; s++)
         for (int i = 0; i < 3000; i++) {
             struct clipmap_cap cap;
             int level = i % shapes[s].levels;
@@ -58,7 +59,7 @@ static void a_cap_s_posts_fit_into_the_storage(void)
     CHECK_INT(too_wide, 0);
     CHECK_INT(too_large, 0);
     CHECK_INT(missing, 0);
-    CHECK_INT(levels, 12000);
+    CHECK_INT(levels, 30000);
 }
 
 /* As one that has dug all of the Earth asks for. */
@@ -95,7 +96,7 @@ static void blocks_are_as_small_as_they_are_said_to_be(void)
 {
     int larger = 0, met = 0;
     double closest = 0.0;
-    for (size_t s = 0; s < 4; s++)
+    for (size_t s = 0; s < SHAPES; s++)
         for (int i = 0; i < 4000; i++) {
             const struct clipmap_shape *shape = &shapes[s];
             int level = i % (shape->levels - 1);
@@ -138,7 +139,8 @@ static bool is_split(const struct clipmap_shape *shape, int level, const double 
 static bool is_looked_at(const struct clipmap_shape *shape, int level, const double eye[3],
                          double up, const double *ends, int face, int32_t col, int32_t row)
 {
-    double across = sqrt(fmax(ends[level - 1] * ends[level - 1] - up * up, 0.0));
+    double across = sqrt(fmax(ends[level - 1] * ends[level - 1] - up * up, 0.0)) +
+                    clipmap_reach(shape, level, eye).block;
     struct clipmap_rect near = clipmap_near_blocks(shape, level, face, eye, across);
     return row >= near.row0 && row < near.row0 + near.rows && col >= near.col0 &&
            col < near.col0 + near.cols;
@@ -167,7 +169,7 @@ static void neighbours_differ_by_one_level_and_agree(void)
 {
     int steps = 0, disagree = 0, borders = 0;
     for (int i = 0; i < 1200; i++) {
-        const struct clipmap_shape *shape = &shapes[i % 4];
+        const struct clipmap_shape *shape = &shapes[i % SHAPES];
         struct clipmap_cap caps[CLIPMAP_MAX_LEVELS];
         double eye[3], ends[CLIPMAP_MAX_LEVELS], xi, eta;
         interesting_normal(i, eye);
@@ -222,7 +224,7 @@ static void what_is_held_does_not_shorten_a_level(void)
 {
     int shortened = 0;
     for (int i = 0; i < 2000; i++) {
-        const struct clipmap_shape *shape = &shapes[i % 4];
+        const struct clipmap_shape *shape = &shapes[i % SHAPES];
         struct clipmap_cap caps[CLIPMAP_MAX_LEVELS];
         double eye[3], ends[CLIPMAP_MAX_LEVELS];
         interesting_normal(i, eye);
@@ -267,7 +269,7 @@ static void the_finest_level_follows_the_height(void)
 {
     double normal[3];
     interesting_normal(4, normal);
-    for (size_t s = 0; s < 4; s++) {
+    for (size_t s = 0; s < SHAPES; s++) {
         int last = 0;
         for (double height_m = -50.0; height_m < 4e7; height_m = fmax(1.0, height_m * 1.3)) {
             int level = clipmap_finest_level(&shapes[s], normal, height_m);
@@ -283,7 +285,7 @@ static void the_finest_level_follows_the_height(void)
 
 static void the_coarsest_level_reaches_the_horizon_from_400_km(void)
 {
-    for (size_t s = 0; s < 4; s++) {
+    for (size_t s = 0; s < SHAPES; s++) {
         int top = shapes[s].levels - 1;
         double normal[3];
         for (int i = 0; i < 200; i++) {
@@ -301,6 +303,12 @@ int main(void)
     shapes[1] = clipmap_shape(128, 16, 90.0 / (1 << 23));
     shapes[2] = clipmap_shape(32, 4, 90.0 / (1 << 20));
     shapes[3] = clipmap_shape(128, 8, 90.0 / (1 << 25));
+    shapes[4] = clipmap_shape(256, 8, 90.0 / (1 << 23));
+    shapes[5] = clipmap_shape(512, 16, 90.0 / (1 << 23));
+    shapes[6] = clipmap_shape(512, 8, 90.0 / (1 << 23));
+    shapes[7] = clipmap_shape(256, 16, 90.0 / (1 << 23));
+    shapes[8] = clipmap_shape(64, 4, 90.0 / (1 << 23));
+    shapes[9] = clipmap_shape(1024, 16, 90.0 / (1 << 23));
     static const struct check_test tests[] = {
         {"a cap's posts fit into the storage", a_cap_s_posts_fit_into_the_storage},
         {"a cap wider than a window has all posts", a_cap_wider_than_a_window_has_all_posts},

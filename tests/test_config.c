@@ -144,8 +144,17 @@ static void an_empty_list_of_sources_is_obeyed(void)
 
 static void the_examples_load(void)
 {
-    static const char *const names[] = {"minimal",      "flightgear", "xplane", "dis",
-                                        "canaerospace", "can-table",  "full"};
+    static const char *const names[] = {"minimal",
+                                        "flightgear",
+                                        "xplane",
+                                        "dis",
+                                        "canaerospace",
+                                        "can-table",
+                                        "full",
+                                        "cigi",
+                                        "three-channels/left",
+                                        "three-channels/front",
+                                        "three-channels/right"};
     for (size_t i = 0; i < sizeof(names) / sizeof(names[0]); i++) {
         char path[1024];
         struct config c = {0};
@@ -193,6 +202,14 @@ static void wrong_kinds_and_units_are_named(void)
          "1:23: display.fullscreen is 'maybe'; it must be true or false"},
         {"display: {backend: glx}\n",
          "1:20: display.backend is 'glx'; it must be one of headless, window"},
+        {"swap_lock: {group: \"192.168.1.1:8010\"}\n",
+         "1:20: swap_lock.group is '192.168.1.1:8010'; it must be a multicast group and a port, "
+         "like 239.192.0.1:8010"},
+        {"swap_lock: {group: \"239.192.0.1:8010\", interface: eth0}\n",
+         "1:51: swap_lock.interface is 'eth0'; it must be the address of an interface of this "
+         "machine, like 192.168.10.21"},
+        {"swap_lock: {group: \"239.192.0.1:8010\", channel: 4, channels: 3}\n",
+         "1:49: swap_lock: channel 4 of 3 channels"},
         {"display: 5\n", "1:10: display must hold keys and values, not a single value"},
         {"display:\n", "1:9: display must hold keys and values, not nothing"},
         {"- a\n", "1:1: the file must hold keys and values, not a list"},
@@ -282,6 +299,10 @@ static void sources_that_contradict_themselves_or_each_other_are_named(void)
          "network like 192.168.1.0/24"},
         {"sources: [{allow: []}]\n",
          "1:19: sources[0].allow is empty; list the senders, or 0.0.0.0/0 and ::/0 for anyone"},
+        {"sources: [{type: native, redundancy: 1}]\n",
+         "1:26: sources[0].redundancy: native knows no redundancy channels"},
+        {"sources: [{type: canaerospace, redundancy: 8191}]\n",
+         "1:44: sources[0].redundancy is 8191; it must lie between 0 and 8190"},
         {"sources: [{type: native, allow_transmit: true}]\n",
          "1:26: sources[0].allow_transmit: native has nothing to transmit"},
         {"sources: [{type: canaerospace, fields: []}]\n",

@@ -350,7 +350,7 @@ static void a_text_that_breaks_off_is_read_up_to_there(void)
          0, 2, "f.txt:4: it ends within this line"},
         {"(1.0) can0 40C#011F0000AE147AE1\n(1.0) can0 40C#011E000040474147\n"
          "(1.0) can0 40D#011F00000A3D70A4\n(1.0) can0 40E#01020000457A0000\n"
-         "(1.1) can0 40D#011E0000401FA3D7\n(1.2) can0 40C#011F0",
+         "(1.01) can0 40D#011E0000401FA3D7\n(1.2) can0 40C#011F0",
          0, 1, "f.txt:6: it ends within this line"},
     };
     for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {

@@ -153,6 +153,28 @@ static void a_port_in_use_is_named(void)
     CHECK_CONTAINS(diag.text, "203.0.113.1:5");
 }
 
+static void a_group_is_heard_by_all_who_join_it_and_by_the_sender(void)
+{
+    struct udp members[2];
+    struct datagram datagram;
+    struct diag diag;
+    char group[ADDRESS_TEXT_MAX], buffer[8];
+    CHECK_INT(udp_listen_group(&members[0], "239.192.0.1:0", "127.0.0.1", &diag), 0);
+    address_format(&members[0].local, group);
+    CHECK_INT(udp_listen_group(&members[1], group, "127.0.0.1", &diag), 0);
+    CHECK_INT(udp_send_to(&members[0], &members[0].local, "swap", 4), 0);
+    for (int i = 0; i < 2; i++) {
+        CHECK_INT(udp_receive(&members[i], buffer, sizeof(buffer), &datagram), 1);
+        CHECK_INT(datagram.size, 4);
+        udp_close(&members[i]);
+    }
+    CHECK_INT(udp_listen_group(&members[0], group, "eth0", &diag), -EINVAL);
+    CHECK_CONTAINS(diag.text, "eth0");
+    CHECK(udp_listen_group(&members[0], group, "203.0.113.1", &diag) < 0);
+    CHECK_CONTAINS(diag.text, group);
+    CHECK_INT(members[0].fd, -1);
+}
+
 static void datagrams_carry_the_kernels_stamp(void)
 {
     struct udp in, out;
@@ -504,9 +526,26 @@ static void the_best_live_source_drives(void)
     CHECK_INT(arbiter_add(&arbiter, 1, 1), -ENOSPC);
 }
 
+static void a_source_that_is_replaced_drives_no_more(void)
+{
+    struct arbiter arbiter;
+    struct pose pose = {.valid = POSE_POSITION};
+    arbiter_init(&arbiter, note_switch, NULL);
+    int best = arbiter_add(&arbiter, 1, 100), spare = arbiter_add(&arbiter, 2, 100);
+    CHECK(arbiter_offer(&arbiter, best, &pose, 1000));
+    CHECK(!arbiter_offer(&arbiter, spare, &pose, 1000));
+    arbiter_replace(&arbiter, best, 3, 100);
+    CHECK_INT(arbiter_update(&arbiter, 1010), spare);
+    CHECK_INT(switched_from, best);
+    CHECK(!arbiter_offer(&arbiter, best, &pose, 1020)); /* by its new priority */
+    CHECK_INT(arbiter_update(&arbiter, 1101), best);
+}
+
 static const struct check_test tests[] = {
     {"addresses and networks are parsed", addresses_and_networks_are_parsed},
     {"a port in use is named", a_port_in_use_is_named},
+    {"a group is heard by all who join it, and by the sender",
+     a_group_is_heard_by_all_who_join_it_and_by_the_sender},
     {"datagrams carry the kernel's stamp", datagrams_carry_the_kernels_stamp},
     {"a source gives poses above the ellipsoid", a_source_gives_poses_above_the_ellipsoid},
     {"late and lost packets are counted", late_and_lost_packets_are_counted},
@@ -525,6 +564,7 @@ static const struct check_test tests[] = {
     {"an interface that is not there is down, not fatal",
      an_interface_that_is_not_there_is_down_not_fatal},
     {"the best live source drives", the_best_live_source_drives},
+    {"a source that is replaced drives no more", a_source_that_is_replaced_drives_no_more},
 };
 
 int main(void)

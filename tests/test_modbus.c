@@ -158,6 +158,12 @@ static void the_device_identifies_itself(void)
     CHECK_INT(a[6], 5);
     CHECK(ASK(server, fd, a, 0x2b, 0x0e, 1, 77) == (int)sizeof(basic)); /* starts over */
     CHECK_EXCEPTION(server, fd, 2, 0x2b, 0x0e, 4, 5);
+    CHECK_EXCEPTION(server, fd, 2, 0x2b, 0x0e, 4, 0x80); /* there is no swap lock */
+    modbus_server_publish(server, &(struct health){.swap = {3, 2}});
+    CHECK_INT(ASK(server, fd, a, 0x2b, 0x0e, 4, 0x80),
+              7 + 2 + sizeof("2 of 3 in step, 0 frames, 0 time-outs, 0 out of step, skew 0 us") -
+                  1);
+    CHECK_INT(ASK(server, fd, a, 0x2b, 0x0e, 1, 0), sizeof(basic)); /* it is not in the streams */
     CHECK_EXCEPTION(server, fd, 3, 0x2b, 0x0e, 5, 0);
     CHECK_EXCEPTION(server, fd, 3, 0x2b, 0x0e, 1);
     CHECK_EXCEPTION(server, fd, 1, 0x2b, 0x0d, 1, 0);
@@ -322,6 +328,42 @@ static void a_hung_client_gives_way_to_a_further_one(void)
     modbus_server_close(server);
 }
 
+/* 64 that are silent in the middle of a request, and more of them again and again, beside one that
+ * asks every few seconds and one that comes late. */
+static void slow_clients_keep_nobody_out_who_asks(void)
+{
+    enum { SLOW = 64, WAVES = 3 };
+    int slow[WAVES][SLOW];
+    uint8_t a[260];
+    struct modbus_server *server = open_plain();
+    int working = connect_client(server);
+    nsec_t now_ns = clock_monotonic_ns();
+    evicted_count = 0;
+    CHECK_INT(ASK(server, working, a, 4, 0, 45, 0, 1), 4);
+    for (int wave = 0; wave < WAVES; wave++) {
+        for (int i = 0; i < SLOW; i++) {
+            slow[wave][i] = connect_client(server);
+            put(slow[wave][i], (const uint8_t[]){0, 1, 0}, 3);
+            CHECK_INT(modbus_server_dispatch(server, now_ns), 0);
+        }
+        for (int i = 0; i < SLOW; i++)
+            CHECK_INT(modbus_server_dispatch(server, now_ns), 0);
+        CHECK_INT(modbus_server_clients(server), 64);
+        now_ns += 5 * NSEC_PER_SEC;
+    }
+    CHECK_INT(evicted_count, (WAVES - 1) * (SLOW - 1)); /* the last of a wave finds none */
+    int late = connect_client(server);
+    CHECK_INT(modbus_server_dispatch(server, now_ns), 0);
+    CHECK_INT(ASK(server, late, a, 4, 0, 45, 0, 1), 4);
+    CHECK_INT(a[3], 64);
+    CHECK_INT(ASK(server, working, a, 4, 0, 45, 0, 1), 4);
+    for (int i = 0; i < WAVES * SLOW; i++)
+        close(slow[i / SLOW][i % SLOW]);
+    close(working);
+    close(late);
+    modbus_server_close(server);
+}
+
 static void idle_clients_are_closed_and_dripping_bytes_do_not_count(void)
 {
     struct modbus_server *server =
@@ -420,13 +462,15 @@ static void our_client_reads_what_our_server_publishes(void)
     struct health health = {.state = HEALTH_DEGRADED,
                             .frames_rendered = 123456,
                             .position = {64.13, -21.94, 1000},
-                            .fault_code = 201};
+                            .fault_code = 201,
+                            .swap = {3, 2, UINT64_C(5000000000), 1, 22, 5193 * NSEC_PER_USEC}};
     modbus_server_publish(server, &health);
     modbus_server_address(server, &address);
     address_format(&address, text);
     start_background(&background, server);
     CHECK_INT(modbus_client_read(text, 1, 2000, &read, &diag), 0);
     stop_background(&background);
+    CHECK_INT(memcmp(&read.swap, &health.swap, sizeof(read.swap)), 0);
     CHECK_INT(read.state, HEALTH_DEGRADED);
     CHECK_INT(read.frames_rendered, 123456);
     CHECK_NEAR(read.position.lon_deg, -21.94, 1e-7);
@@ -489,6 +533,7 @@ int main(void)
         {"a stream that is no Modbus is closed", a_stream_that_is_no_modbus_is_closed},
         {"clients beyond the limit are turned away", clients_beyond_the_limit_are_turned_away},
         {"a hung client gives way to a further one", a_hung_client_gives_way_to_a_further_one},
+        {"slow clients keep nobody out who asks", slow_clients_keep_nobody_out_who_asks},
         {"idle clients are closed and dripping bytes do not count",
          idle_clients_are_closed_and_dripping_bytes_do_not_count},
         {"descriptors beyond 1023 are served", descriptors_beyond_1023_are_served},

@@ -4,6 +4,7 @@
 #include <stdatomic.h>
 
 #include "base/clock.h"
+#include "geo/egm96.h"
 #include "terrain/query.h"
 #include "terrain/tile_cache.h"
 #include "tests/database_fixture.h"
@@ -198,13 +199,24 @@ static int hills_and_sea(struct terrain_source *source, double lat_deg, double l
     return 0;
 }
 
+static int many_hills(struct terrain_source *source, const struct terrain_places *places,
+                      float *ret_height_m)
+{
+    for (int i = 0; i < places->count; i++) {
+        double height_m;
+        hills_and_sea(source, places->lat_deg[i], places->lon_deg[i], &height_m);
+        ret_height_m[i] = (float)height_m;
+    }
+    return 0;
+}
+
 static void hills_facts(const struct terrain_source *source, struct terrain_facts *ret_facts)
 {
     *ret_facts = (struct terrain_facts){.finest_lat_step_deg = 1e-5, .finest_lon_step_deg = 1e-5};
 }
 
-static const struct terrain_source_ops hills_ops = {.sample_point = hills_and_sea,
-                                                    .facts = hills_facts};
+static const struct terrain_source_ops hills_ops = {
+    .sample = many_hills, .sample_point = hills_and_sea, .facts = hills_facts};
 static struct terrain_source hills = {.ops = &hills_ops};
 
 static float low_m(double lat_deg, double lon_deg)
@@ -444,6 +456,58 @@ static void lines_of_sight_over_small_tiles(void)
     terrain_source_destroy(source);
 }
 
+/* Far from it the geoid is taken as it bends on the whole, near the ground as it is. */
+static void lines_of_sight_over_the_geoid(void)
+{
+    struct terrain_source *source = open_roomy("rough.db");
+    struct geoid *geoid = NULL;
+    struct query *query = NULL;
+    struct diag diag = {""};
+    if (!source || egm96_open(&geoid, &diag) < 0) {
+        CHECK_FAIL("opening: %s", diag.text);
+        return;
+    }
+    struct query_params params = {.database = source, .geoid = geoid};
+    CHECK_INT(query_create(&params, &query), 0);
+    int hits = 0, clear = 0;
+    for (int i = 0; i < 100; i++) {
+        struct geodetic from = {random_in(59.94, 60.11), random_in(-22.01, -21.79),
+                                random_in(160.0, 560.0)};
+        struct geodetic to = {random_in(59.94, 60.11), random_in(-22.01, -21.79),
+                              random_in(60.0, 860.0)};
+        int hit = check_sight(query, geoid, &from, &to, 4.0);
+        hits += hit;
+        clear += !hit;
+    }
+    CHECK(hits > 30);
+    CHECK(clear > 10);
+    query_destroy(query);
+    geoid_close(geoid);
+    terrain_source_destroy(source);
+}
+
+static void a_block_is_as_high_as_its_highest_post(void)
+{
+    static float heights_m[TILE_POST_COUNT];
+    float max_m[TILE_BLOCK_COUNT];
+    const int cells = TILE_CELLS / TILE_BLOCKS, hole = 20 * TILE_POSTS + 64;
+    for (int i = 0; i < TILE_POST_COUNT; i++)
+        heights_m[i] = (float)random_in(-500.0, 3000.0);
+    heights_m[hole] = NAN; /* on the border of two blocks */
+    tile_measure_blocks(heights_m, max_m);
+    for (int b = 0; b < TILE_BLOCK_COUNT; b++) {
+        int south = b / TILE_BLOCKS * cells, west = b % TILE_BLOCKS * cells;
+        float greatest_m = -INFINITY;
+        for (int i = 0; i < (cells + 1) * (cells + 1); i++) {
+            int post = (south + i / (cells + 1)) * TILE_POSTS + west + i % (cells + 1);
+            greatest_m = fmaxf(greatest_m, post == hole ? INFINITY : heights_m[post]);
+        }
+        CHECK(max_m[b] == greatest_m);
+    }
+    CHECK(isinf(max_m[2 * TILE_BLOCKS + 7]) && isinf(max_m[2 * TILE_BLOCKS + 8]));
+    CHECK(!isinf(max_m[2 * TILE_BLOCKS + 9]));
+}
+
 static void lines_of_sight_meet_the_fallback(void)
 {
     struct terrain_source *source = open_roomy("low.db");
@@ -503,6 +567,8 @@ static const struct check_test tests[] = {
     {"lines of sight over small cells, and over what has no height",
      lines_of_sight_over_small_cells},
     {"lines of sight over small tiles", lines_of_sight_over_small_tiles},
+    {"lines of sight over the geoid", lines_of_sight_over_the_geoid},
+    {"a block is as high as its highest post", a_block_is_as_high_as_its_highest_post},
     {"lines of sight meet the fallback", lines_of_sight_meet_the_fallback},
     {"a line of no length, and one from below", a_line_of_no_length_and_one_from_below},
 };

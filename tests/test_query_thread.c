@@ -15,12 +15,12 @@
 #define FRAMES     120
 #define PATIENCE_S 20
 
-static struct query_thread *start(const char *path, struct dig *dig)
+static struct query_thread *start(const char *path, struct dig *dig, unsigned threads)
 {
     struct query_thread *thread = NULL;
     struct diag diag = {""};
     struct query_thread_params params = {
-        .terrain_path = path, .geoid = "egm96", .cache_mib = 32, .dig = dig};
+        .terrain_path = path, .geoid = "egm96", .cache_mib = 32, .threads = threads, .dig = dig};
     if (query_thread_start(&params, &thread, &diag) < 0)
         CHECK_FAIL("starting: %s", diag.text);
     return thread;
@@ -48,7 +48,7 @@ static void take(struct query_thread *thread, unsigned count, struct cigi_answer
 
 static void answers_are_those_of_the_ground_above_the_ellipsoid(void)
 {
-    struct query_thread *thread = start(path_of("iceland"), NULL);
+    struct query_thread *thread = start(path_of("iceland"), NULL, 1);
     struct geoid *geoid = NULL;
     struct diag diag;
     struct cigi_answer answers[4];
@@ -110,7 +110,7 @@ static void ground_that_is_dug_meanwhile_counts(void)
         CHECK_FAIL("opening: %s", diag.text);
     if (!writer)
         return;
-    struct query_thread *thread = start(path_of("iceland"), dig_writer_ground(writer));
+    struct query_thread *thread = start(path_of("iceland"), dig_writer_ground(writer), 2);
     CHECK(query_thread_ask(thread, 7, &question));
     take(thread, 1, &before);
     CHECK_INT(query_thread_ground_at(thread, 60.3, -22.1, &loop_m[0], normal), 0);
@@ -130,7 +130,7 @@ static void ground_that_is_dug_meanwhile_counts(void)
 
 static void more_questions_than_may_wait_are_refused(void)
 {
-    struct query_thread *thread = start("", NULL);
+    struct query_thread *thread = start("", NULL, 1);
     const struct cigi_question question = {
         .token = 1, .ask = CIGI_ASK_SIGHT, .from = {46, 8, 9e3}, .to = {46, 9, 9e3}};
     unsigned asked = 0;
@@ -143,14 +143,14 @@ static void more_questions_than_may_wait_are_refused(void)
     query_thread_stop(NULL);
 }
 
-/* Nine heights to a line of sight of 20 km, around an aircraft. */
-static void measure(const char *name, const char *path)
+/* Around an aircraft: heights, and every so many-th question a line of sight of 20 km. */
+static void measure(const char *path, unsigned every, unsigned threads)
 {
     static struct cigi_answer answers[A_FRAME];
     double ms[FRAMES];
     struct distribution d;
     unsigned known = 0;
-    struct query_thread *thread = start(path, NULL);
+    struct query_thread *thread = start(path, NULL, threads);
     if (!thread)
         return;
     for (unsigned frame = 0; frame < FRAMES; frame++) {
@@ -161,7 +161,7 @@ static void measure(const char *name, const char *path)
             struct geodetic at = {lat_deg + far_deg * sin(turn), -22.2 + far_deg * cos(turn), 4e3};
             struct cigi_question question = {
                 .token = i + 1, .detailed = i % 2, .from = at, .to = at};
-            question.ask = i % 10 < 9 ? CIGI_ASK_GROUND : CIGI_ASK_SIGHT;
+            question.ask = i % every ? CIGI_ASK_GROUND : CIGI_ASK_SIGHT;
             question.to.lat_deg += 0.156;
             question.to.height_m = -6e3;
             CHECK(query_thread_ask(thread, 7, &question));
@@ -172,8 +172,9 @@ static void measure(const char *name, const char *path)
             known += answers[i].known;
     }
     distribution_of_values(ms, FRAMES, &d);
-    printf("%s: %d requests in p50 %.2f, p99 %.2f, max %.2f ms\n", name, A_FRAME, d.p50, d.p99,
-           d.max);
+    printf(
+        "     %s, one of %u a line of sight, %u threads: %d in p50 %.2f, p99 %.2f, max %.2f ms\n",
+        path[0] ? "database" : "planet", every, threads, A_FRAME, d.p50, d.p99, d.max);
     CHECK_INT(known, A_FRAME * FRAMES);
     /* A frame at 60 Hz, where nothing else has the processors; sanitizers cost much more. */
     CHECK(d.min < (getenv("UBSAN_OPTIONS") ? 500.0 : 16.7));
@@ -182,8 +183,11 @@ static void measure(const char *name, const char *path)
 
 static void a_thousand_requests_take_less_than_a_frame(void)
 {
-    measure("database", path_of("iceland"));
-    measure("planet", "");
+    for (unsigned threads = 1; threads <= QUERY_THREADS_MAX; threads++) {
+        measure(path_of("iceland"), 10, threads);
+        measure(path_of("iceland"), 1, threads);
+        measure("", 10, threads);
+    }
 }
 
 int main(void)

@@ -39,6 +39,21 @@ static void the_flight_is_the_clock(void)
     CHECK_NEAR(clock.scale, 1.0, 1e-3);
 }
 
+/* A bus that loses a tenth of its frames tells no position for more than a second now and then. */
+static void it_is_so_after_a_second_without(void)
+{
+    struct arrival_clock clock = {0};
+    double off_ns = NAN;
+    for (int i = 0; i < 1700; i++) {
+        struct pose pose;
+        motion_trial_truth(seconds_from_ns(i * PERIOD), &pose);
+        if (i < 1600 || i > 1655)
+            off_ns = error_ns(&clock, &pose, START + i * PERIOD, jitter_ns(i));
+        if (i > 1655)
+            CHECK_NEAR(off_ns, 0.0, 1.5e6); /* of up to 10 that it comes late */
+    }
+}
+
 static void one_that_was_overtaken_has_its_own_time(void)
 {
     struct arrival_clock clock = {0};
@@ -146,6 +161,7 @@ static void the_offset_of_a_stamp_does_not_step(void)
 
 static const struct check_test tests[] = {
     {"the flight is the clock", the_flight_is_the_clock},
+    {"it is so after a second without a position, too", it_is_so_after_a_second_without},
     {"one that was overtaken has its own time", one_that_was_overtaken_has_its_own_time},
     {"a host that pauses is timed by its arrival", a_host_that_pauses_is_timed_by_its_arrival},
     {"a velocity that does not fit is given up", a_velocity_that_does_not_fit_is_given_up},

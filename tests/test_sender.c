@@ -56,7 +56,8 @@ static uint32_t sequence_of(const struct send_schedule *schedule, size_t i)
 
 static void a_schedule_keeps_rate_and_truth(void)
 {
-    struct send_schedule *schedule = make(&(struct send_params){.rate_hz = 50, .speed = 2});
+    struct send_schedule *schedule =
+        make(&(struct send_params){.rate_hz = 50, .speed = 2, .session = 9});
     CHECK_INT(schedule->count, 51);
     for (size_t i = 0; i < schedule->count; i++) {
         const struct send_item *item = &schedule->items[i];
@@ -64,6 +65,7 @@ static void a_schedule_keeps_rate_and_truth(void)
         CHECK_INT(item->time_ns, (nsec_t)i * 20 * NSEC_PER_MSEC);
         CHECK_INT(native_decode(schedule->bytes + item->offset, item->size, &sample, NULL), 0);
         CHECK_INT(sample.sequence, i);
+        CHECK_INT(sample.session, 9);
         CHECK_NEAR(sample.pose.position.lon_deg, 10.0 + 0.00004 * (double)i, 1e-9);
         CHECK_NEAR(sample.pose.velocity_ned_mps[1], 2 * 111.3, 0.5); /* twice as fast */
         CHECK_NEAR(sample.pose.velocity_ned_mps[2], -20.0, 0.1);

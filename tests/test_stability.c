@@ -27,7 +27,7 @@ static bool open_all(double (*height_m)(double, double), size_t pairs,
 {
     struct diag diag = {0};
     *ret_tally = (struct stability_tally){0};
-    if (!open_scene(height_m, 0, NULL, ret_scene))
+    if (!open_scene(height_m, 64, NULL, ret_scene)) /* everywhere as by software */
         return false;
     if (stability_create(WIDTH, HEIGHT, ret_stability, &diag) < 0 ||
         samples_init(&ret_tally->motion_px, pairs * stability_pixels(WIDTH, HEIGHT)) < 0) {

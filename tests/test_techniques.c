@@ -279,6 +279,48 @@ static void a_persistent_grids_parts_each_help(void)
     close_stage(&stage);
 }
 
+/* Straight down on the ground from many heights: whatever shows the sky is a crack, for nothing
+ * else is beneath. */
+#define DOWN_POSES 24
+static int count_sky(struct stage *stage, struct technique *technique)
+{
+    const struct technique_params params = params_of(stage);
+    int sky = 0;
+    for (int pose = 0; pose < DOWN_POSES; pose++) {
+        double lat_deg = 46.5 + (pose % 5 - 2) * 0.0021, lon_deg = 8.0 + (pose % 7 - 3) * 0.0023;
+        struct view view =
+            view_at(lat_deg, lon_deg, rugged_ground(lat_deg, lon_deg) + 80.0 + 40.0 * pose,
+                    37.0 * pose, -90.0, 0.0);
+        uint64_t number;
+        draw(&stage->scene, &view, NULL, NULL, NULL);
+        for (unsigned i = 0; i <= technique->ops->history; i++)
+            technique_show(technique, &params, stage->scene.renderer, &view, NULL);
+        readback_start(stage->scene.depth, renderer_depth_framebuffer(stage->scene.renderer), 0);
+        const float *depth = readback_take(stage->scene.depth, true, &number);
+        for (int i = 0; i < WIDTH * HEIGHT; i++)
+            sky += depth[i] <= 0.0f;
+        readback_release(stage->scene.depth);
+    }
+    return sky;
+}
+
+static void check_ground(struct stage *stage, struct technique *reference,
+                         struct technique *technique)
+{
+    const struct technique_knob *knob = &technique->ops->knob;
+    (void)reference;
+    if (!technique->ops->claim.no_cracks)
+        return;
+    CHECK_INT(count_sky(stage, technique), 0);
+    CHECK_INT(technique->ops->tune(technique, knob->more_is_finer ? knob->least : knob->most), 0);
+    CHECK_INT(count_sky(stage, technique), 0);
+}
+
+static void the_sky_is_not_seen_through_the_ground(void)
+{
+    with_each(check_ground);
+}
+
 static void a_field_knows_its_places(void)
 {
     struct stage stage;
@@ -381,6 +423,7 @@ int main(void)
          no_technique_is_seen_in_the_renderers_frame},
         {"each knob turns the right way", each_knob_turns_the_right_way},
         {"a persistent grid's parts each help", a_persistent_grids_parts_each_help},
+        {"the sky is not seen through the ground", the_sky_is_not_seen_through_the_ground},
     };
     return render_tests_main(tests, sizeof(tests) / sizeof(tests[0]), check_main);
 }

@@ -1,13 +1,18 @@
 // What choosing the blocks shares: tables with an entry a block, or a corner of blocks. A pane's lie in
 // a torus of TABLE x TABLE, as its posts do in their storage.
 
-layout(std430, binding = 3) coherent buffer Reaches { float corner_reaches[]; };
+ivec2 wrapped(ivec2 block)
+{
+    return ivec2(uvec2(block) % uint(TABLE));
+}
+
+layout(std430, binding = 3) buffer Reaches { float corner_reaches[]; };
 
 const float EVERYWHERE = 8.0; // a reach longer than any chord
 
 int entry_of(ivec2 block, int level, int pane)
 {
-    ivec2 at = block & (TABLE - 1);
+    ivec2 at = wrapped(block);
     return ((PANES * level + pane) * TABLE + at.y) * TABLE + at.x;
 }
 

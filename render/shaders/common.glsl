@@ -21,7 +21,8 @@ layout(std140, binding = 0) uniform Scene {
     vec4 eye_rest;        // x: what the height lacks, for it is one float; y: 1 / where level 0 ends for
                           // shading; z: 1 / the share of a level that is blended; w: the eye's place
                           // along the poles' axis, m
-    vec4 accuracy;        // x: the distance (chord) from which an error of 1 m is within the tolerance
+    vec4 accuracy;        // x: the distance (chord) from which an error of 1 m is within the tolerance;
+                          // y: the depth from which on nothing is seen, 0 without a limit
     vec4 way_back;        // for difference_from_enu: x: N0 + h0; y: 0.5 / x; z: N0 e2 / q^2; w: 1 / q, with
                           // q = (1 - e2) N0 + h0
     vec4 sun;             // enu direction; w: 1 above, 0 below the horizon (smooth)
@@ -29,8 +30,7 @@ layout(std140, binding = 0) uniform Scene {
                           // w: time of day's ambient strength
     vec4 view_rays;       // tangents: left, bottom, right, top
     mat4 enu_from_eye;
-    ivec4 sizes;          // storage side in posts; half-posts along a face at level 0; finest and
-                          // coarsest level held
+    ivec4 sizes;          // y: half-posts along a face at level 0; zw: finest and coarsest level held
     Pane panes[PANES];
     ivec4 edges[4 * PANES]; // across the sides west, east, south, north of a pane: the neighbour's pane
                             // (-1: not near), side, 1 where it runs backwards, its face

@@ -30,12 +30,14 @@ check()
             printf '#version 450 core\n'
             # shellcheck disable=SC2086 # four numbers
             printf '#define COLOUR %d\n#define WATER %d\n#define SPLIT %d\n#define SAMPLES %d\n' $variant
-            printf '#define RASTER %d\n' "${variant%% *}"
+            printf '#define RASTER %d\n#define SENT %d\n' "${variant%% *}" "${variant%% *}"
             printf '#define BLOCK 8\n#define TABLE 32\n#define DRAWS 2\n#define BLOCKS_A_DRAW 9\n'
             printf '#define FIELD_COL 128\n#define FIELD_ROW 128\n#define FIELD_CELLS 256\n'
-            printf '#define FIELD_PANE 1\n#define GRID_CELLS 128\n'
+            printf '#define FIELD_PANE 1\n#define GRID_CELLS 128\n#define LEVELS 10\n'
+            printf '#define LANES 64\n'
+            printf '#define SAMPLE_PLACES vec2(0.25), vec2(0.75)\n#define IMAGE_TAPS 4\n#define STORAGE 256\n'
+            printf '#define PATCH_CELLS 128\n#define BLOCK_CELLS 16\n'
             printf '#define CORNERS 24\n#define WARP 1\n#define EDGES 1\n'
-            printf '#define SAMPLE_PLACES vec2(0.25), vec2(0.75)\n#define IMAGE_TAPS 4\n'
             shared_of "$1"
             cat "$1"
         } | "$validator" --stdin -S "$stage" >"$output.log" 2>&1 ||

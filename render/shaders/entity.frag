@@ -1,4 +1,5 @@
-// An entity, lit and hazed as the ground is. What lies behind the terrain is not seen.
+// An entity, lit and hazed as the ground is. What lies behind the terrain, or beyond
+// the far plane, is not seen.
 #if SAMPLES > 1
 layout(binding = 3) uniform sampler2DMS depths;
 #else
@@ -24,7 +25,7 @@ float share_seen()
 void main()
 {
     float alpha = paint.a * share_seen();
-    if (alpha <= 0.0 || dot(normal, place) >= 0.0)
+    if (alpha <= 0.0 || gl_FragCoord.z <= scene.accuracy.y || dot(normal, place) >= 0.0)
         discard;
     float distance_m = length(place);
     vec3 view = place / distance_m;

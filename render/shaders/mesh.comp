@@ -7,14 +7,14 @@
 // addresses too. A vertex on an edge of the cube goes by the name that the lowest face has for it.
 // So everything that two neighbours share is computed from the same integers by the same operations:
 // shared edges meet to the bit.
-layout(local_size_x = 64) in;
+layout(local_size_x = LANES) in;
 
 const int POSTS = (BLOCK + 1) * (BLOCK + 1);
 const int VERTICES = POSTS + 4 * BLOCK;    // a block's: its posts, then the middles of the cells on its
                                            // west, east, south and north edge
 const int FANS = BLOCK * BLOCK * 2;        // triangles, before edges are doubled
 const int INDICES = 3 * (FANS + 4 * BLOCK);
-const int ROUNDS = (FANS + 63) / 64;
+const int ROUNDS = (FANS + LANES - 1) / LANES;
 
 struct Draw {
     uint indices, instances, first, base_vertex, base_instance;
@@ -43,7 +43,7 @@ layout(binding = 0) uniform sampler2DArray heights; // own and coarser, m above 
 // each is. No columns: all triangles are kept.
 layout(location = 0) uniform vec3 lattice;
 
-shared vec4 corners[VERTICES]; // clip coordinates
+shared vec4 corners[VERTICES]; // corner_from()
 shared uint kept, base;
 
 struct Name {
@@ -85,7 +85,7 @@ float reach_at(Block block, ivec2 halves, int level)
 
 vec2 heights_at(int layer, ivec2 post)
 {
-    return texelFetch(heights, ivec3(post & (scene.sizes.x - 1), layer), 0).rg;
+    return texelFetch(heights, ivec3(uvec2(post) % uint(TABLE * BLOCK), layer), 0).rg;
 }
 
 vec3 vertex_at(Block block, ivec2 halves)
@@ -128,9 +128,34 @@ int vertex_of(ivec2 halves)
                                : POSTS + BLOCK * (2 + int(halves.y > 0)) + (halves.x >> 1);
 }
 
+// Where what is before the near plane of a triangle that it cuts lies on the screen: x / w and y / w, a
+// little more where its corners are far aside, for rounding.
+void cut_range(vec4 corners[3], out vec2 least, out vec2 most)
+{
+    float near = scene.grid.w, margin = 0.0;
+    least = vec2(1e30);
+    most = vec2(-1e30);
+    for (int i = 0; i < 3; i++) {
+        vec4 from = corners[i], to = corners[(i + 1) % 3];
+        bool ahead = from.w >= near;
+        if (ahead) {
+            least = min(least, from.xy);
+            most = max(most, from.xy);
+        }
+        if (ahead == (to.w >= near))
+            continue;
+        vec2 clip = from.xy * from.w, way = to.xy * to.w - clip;
+        vec2 at = (clip + way * ((near - from.w) / (to.w - from.w))) / near;
+        least = min(least, at);
+        most = max(most, at);
+        margin = max(margin, exp2(-20.0) / near * max(abs(clip.x) + abs(way.x), abs(clip.y) + abs(way.y)));
+    }
+    least -= margin;
+    most += margin;
+}
+
 // The columns and rows of the lattice in which a triangle may have samples. False where there are
-// none, for it is behind, beside, turned away, or lies between samples. One that the near plane cuts
-// may have samples anywhere.
+// none, for it is behind, beside, turned away, or lies between samples.
 bool bounds_of(vec4 a, vec4 b, vec4 c, out vec2 first, out vec2 last)
 {
     const float MARGIN = 1.0 / 64.0; // of a pixel; a rasteriser moves vertices by less
@@ -138,15 +163,19 @@ bool bounds_of(vec4 a, vec4 b, vec4 c, out vec2 first, out vec2 last)
     last = 2.0 * lattice.xy - 1.0;
     if (lattice.x == 0.0)
         return true;
-    if (min(a.w, min(b.w, c.w)) < scene.grid.w)
-        return max(a.w, max(b.w, c.w)) >= scene.grid.w;
-    vec2 p = a.xy / a.w, q = b.xy / b.w, r = c.xy / c.w;
-    vec2 least = max(min(p, min(q, r)), vec2(-1.0)), most = min(max(p, max(q, r)), vec2(1.0));
+    vec2 least = min(a.xy, min(b.xy, c.xy)), most = max(a.xy, max(b.xy, c.xy));
+    bool cut = min(a.w, min(b.w, c.w)) < scene.grid.w;
+    if (cut)
+        cut_range(vec4[3](a, b, c), least, most);
+    least = max(least, vec2(-1.0));
+    most = min(most, vec2(1.0));
     first = ceil((least + 1.0) * lattice.xy - (lattice.z + MARGIN));
     last = floor((most + 1.0) * lattice.xy - (lattice.z - MARGIN));
     if (any(greaterThan(first, last)))
         return false;
-    vec2 u = (q - p) * lattice.xy, v = (r - p) * lattice.xy;
+    if (cut)
+        return true;
+    vec2 u = (b.xy - a.xy) * lattice.xy, v = (c.xy - a.xy) * lattice.xy;
     return u.x * v.y - u.y * v.x >= -MARGIN * (abs(u.x) + abs(u.y) + abs(v.x) + abs(v.y) + MARGIN);
 }
 
@@ -257,7 +286,7 @@ void list_kept(int keep[ROUNDS], uint at, uint first, int doubled)
     for (int i = 0; i < ROUNDS; i++) {
         if (keep[i] == 0)
             continue;
-        Fan fan = fan_at(64 * i + int(gl_LocalInvocationIndex), doubled);
+        Fan fan = fan_at(LANES * i + int(gl_LocalInvocationIndex), doubled);
         if ((keep[i] & 1) != 0) {
             put(at, first, fan.middle, fan.from, fan.between);
             at += 3u;
@@ -273,11 +302,11 @@ void list_kept(int keep[ROUNDS], uint at, uint first, int doubled)
 
 void place_vertices(Block block, uint first)
 {
-    for (int i = int(gl_LocalInvocationIndex); i < VERTICES; i += 64) {
+    for (int i = int(gl_LocalInvocationIndex); i < VERTICES; i += LANES) {
         if (i >= POSTS && (block.place.w >> ((i - POSTS) / BLOCK) & 1) == 0)
             continue;
         vec3 enu = vertex_at(block, 2 * block.place.xy + halves_of(i));
-        corners[i] = scene.clip_from_enu * vec4(enu, 1.0);
+        corners[i] = corner_from(scene.clip_from_enu * vec4(enu, 1.0));
 #if !RASTER
         vertices[first + uint(i)] = vec4(enu, 1.0);
 #endif
@@ -298,7 +327,7 @@ void main()
     int keep[ROUNDS];
     uint count = 0u;
     for (int i = 0; i < ROUNDS; i++) {
-        int at = 64 * i + lane;
+        int at = LANES * i + lane;
         keep[i] = at < FANS ? kept_of(fan_at(at, block.place.w)) : 0;
         count += uint((keep[i] & 1) + (keep[i] >> 1));
     }

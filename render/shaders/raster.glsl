@@ -9,7 +9,7 @@ const uint LARGE_MOST = 65536u, JOBS_MOST = 262144u; // as in render/raster.c
 layout(binding = 3, r32ui) uniform uimage2D picture; // near / distance along the view axis, its bits
 layout(std430, binding = 6) buffer Large {
     uint large_count, job_count, unused0, unused1;
-    vec4 large_corners[]; // three a triangle, clip coordinates
+    vec4 large_corners[]; // three a triangle
 };
 layout(std430, binding = 7) buffer Jobs { uvec2 jobs[]; }; // triangle; first column + 65536 * row
 
@@ -21,10 +21,17 @@ struct Triangle {
     bool cut;          // by the near plane
 };
 
-// In pixels from the middle of the one at `origin`.
-vec2 place_of(vec4 clip, vec2 origin)
+// A corner of a triangle: clip coordinates x / w, y / w, the depth near / w, and w.
+vec4 corner_from(vec4 clip)
 {
-    return (clip.xy / clip.w + 1.0) * (0.5 * vec2(imageSize(picture))) - (origin + 0.5);
+    float w = abs(clip.w) < 1e-6 ? 1e-6 : clip.w; // a micrometre from the plane of the eye
+    return vec4(clip.xy / w, scene.grid.w / w, w);
+}
+
+// In pixels from the middle of the one at `origin`.
+vec2 place_of(vec4 corner, vec2 origin)
+{
+    return (corner.xy + 1.0) * (0.5 * vec2(imageSize(picture))) - (origin + 0.5);
 }
 
 vec3 widened(vec3 edge, float pixels)
@@ -52,7 +59,7 @@ bool set_up_whole(vec4 a, vec4 b, vec4 c, vec2 origin, inout Triangle triangle)
     float area = u.x * v.y - u.y * v.x;
     if (!(area > 0.0))
         return false;
-    vec3 depths = scene.grid.w / vec3(a.w, b.w, c.w);
+    vec3 depths = vec3(a.z, b.z, c.z);
     vec2 rise = depths.yz - depths.x;
     vec2 slope = vec2(v.y * rise.x - u.y * rise.y, u.x * rise.y - v.x * rise.x) / area;
     float margin = exp2(-20.0) * max(greatest(vec2(imageSize(picture))),
@@ -65,10 +72,9 @@ bool set_up_whole(vec4 a, vec4 b, vec4 c, vec2 origin, inout Triangle triangle)
     return true;
 }
 
-vec3 homogeneous(vec4 clip, vec2 origin)
+vec3 homogeneous(vec4 corner, vec2 origin)
 {
-    return vec3((clip.xy + clip.w) * (0.5 * vec2(imageSize(picture))) - (origin + 0.5) * clip.w,
-                clip.w);
+    return vec3(place_of(corner, origin) * corner.w, corner.w);
 }
 
 // Edge functions from cross products (Olano and Greer 1997): no corner need be before the eye.

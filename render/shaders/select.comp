@@ -95,7 +95,7 @@ float horizon_m(float height_m)
 
 bool can_be_seen(ivec2 block, int level, int pane, vec3 middle)
 {
-    ivec3 texel = ivec3(block & (TABLE - 1), PANES * level + pane);
+    ivec3 texel = ivec3(wrapped(block), PANES * level + pane);
     vec2 height = texelFetch(bounds, texel, 0).rg + vec2(-0.5, 0.5);
     vec3 corners[8];
     for (int i = 0; i < 4; i++) {

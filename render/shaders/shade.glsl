@@ -73,10 +73,10 @@ Spot spot_at(vec3 dn)
 // follows from its address alone and no window has to be looked up.
 vec3 surface_of_level(Spot spot, int level)
 {
-    int side = 2 * scene.sizes.x;
-    vec2 texel = vec2((spot.origin >> level) & (side - 1)) +
+    const uint SIDE = 2u * uint(STORAGE), WHOLE = (1u << 30) / SIDE * SIDE; // origins may be below 0
+    vec2 texel = vec2((uvec2(spot.origin >> level) + WHOLE) % SIDE) +
                  (vec2(spot.origin & ((1 << level) - 1)) + spot.halves) * exp2(float(-level)) + 0.5;
-    return textureLod(surfaces, vec3(texel / float(side), PANES * level + spot.pane), 0.0).xyz;
+    return textureLod(surfaces, vec3(texel * (1.0 / float(SIDE)), PANES * level + spot.pane), 0.0).xyz;
 }
 
 // From the level that covers the place, blended into the next as the geometry is: levels end at
@@ -232,7 +232,7 @@ vec3 shaded(vec2 tangent, float depth)
     float ray_length = length(ray);
     vec3 view = ray / ray_length;
     vec3 radiance;
-    if (depth <= 0.0) {
+    if (depth <= scene.accuracy.y) {
         radiance = sky_colour(view);
         float disc = smoothstep(0.99996, 0.99999, dot(view, scene.sun.xyz));
         radiance += vec3(12.0, 10.5, 8.0) * disc * scene.sun.w;

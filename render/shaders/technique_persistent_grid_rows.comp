@@ -77,6 +77,32 @@ float inverse_integral(float share)
     return (float(low) + clamp((share - from) / max(to - from, 1e-12), 0.0, 1.0)) / float(SLOTS);
 }
 
+// Of a row, or of a place between rows.
+float y_of_row(float row)
+{
+    float v = clamp(row / float(sizes.y), 0.0, 1.0);
+#if WARP
+    v = inverse_integral(v);
+#endif
+    return y_of(v);
+}
+
+// The row that is nearest to a corner of the outline goes through it: or the corner would be cut off.
+float y_at_corner(int row)
+{
+    float y = y_of_row(float(row));
+    if (row == 0 || row == sizes.y)
+        return y;
+    float low = y_of_row(float(row) - 0.5), high = y_of_row(float(row) + 0.5), kept = y;
+    for (int i = 1; i < sizes.z - 1; i++)
+        if (left_side[i].y > low && left_side[i].y <= high)
+            kept = left_side[i].y;
+    for (int i = 1; i < sizes.w - 1; i++)
+        if (right_side[i].y > low && right_side[i].y <= high)
+            kept = right_side[i].y;
+    return kept;
+}
+
 void main()
 {
     int i = int(gl_LocalInvocationIndex);
@@ -91,11 +117,7 @@ void main()
     }
 #endif
     for (int row = i; row <= sizes.y; row += SLOTS) {
-        float v = float(row) / float(sizes.y);
-#if WARP
-        v = inverse_integral(v);
-#endif
-        float y = y_of(v);
+        float y = y_at_corner(row);
         vec2 at = ray(y);
         grid_rows[row] = GridRow(at.x, at.y * left_at(y), at.y * right_at(y), 0.0);
     }

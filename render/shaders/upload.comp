@@ -7,8 +7,8 @@ layout(binding = 1, rgba8) writeonly uniform image2DArray surfaces;
 layout(std430, binding = 0) readonly buffer Arena { uint words[]; };
 
 struct Rect {
-    ivec4 part;  // first column and row, columns, texels in all
-    ivec4 place; // where it begins in words; 2 * level, + 1 for surfaces; side of the texture - 1;
+    ivec4 part;  // first column and row in the torus, columns, texels in all
+    ivec4 place; // where it begins in words; 2 * level, + 1 for surfaces; side of the texture;
                  // its first work group
 };
 layout(std140, binding = 2) uniform Rects { Rect rects[360]; };
@@ -30,7 +30,9 @@ void main()
     int i = (group - place.w) * 64 + int(gl_LocalInvocationID.x);
     if (i >= part.w)
         return;
-    ivec3 at = ivec3((part.xy + ivec2(i % part.z, i / part.z)) & place.z, place.y >> 1);
+    ivec2 texel = part.xy + ivec2(i % part.z, i / part.z);
+    texel -= place.z * ivec2(greaterThanEqual(texel, place.zz));
+    ivec3 at = ivec3(texel, place.y >> 1);
     if ((place.y & 1) == 0) {
         int word = place.x + 2 * i;
         imageStore(heights, at, vec4(uintBitsToFloat(words[word]), uintBitsToFloat(words[word + 1]),

@@ -11,7 +11,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     struct canaerospace state;
     nsec_t now_ns = NSEC_PER_SEC;
-    canaerospace_init(&state);
+    canaerospace_init(&state, 0);
     for (; size >= sizeof(struct can_frame); size -= sizeof(struct can_frame)) {
         struct can_frame frame, answer;
         struct pose_sample sample;

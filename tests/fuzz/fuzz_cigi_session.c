@@ -1,5 +1,6 @@
 /* Whatever a host sends: the session answers with one Start of Frame a frame, all of it well
  * formed. The input is a sequence of datagrams, each behind its size in two bytes. */
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -56,6 +57,12 @@ static void run_frame(struct cigi_session *session, nsec_t now_ns)
             !pose_is_sane(&pose))
             abort();
     }
+    struct cigi_seen seen[8];
+    size_t others = cigi_scene_seen(scene, 0, &ground, seen, 8);
+    for (size_t i = 0; i < others; i++)
+        for (int k = 0; k < 3; k++)
+            if (!(fabs(seen[i].ecef_m[k]) < 1e9))
+                abort();
     check_message(session, now_ns);
 }
 

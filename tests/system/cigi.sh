@@ -42,10 +42,22 @@ wait_for 3 logged "source host: Operate, by a host of CIGI 3.3" || fail "it does
 wait_for 3 near lat_deg 46.5 1e-6 || fail "own-ship is at latitude $(field lat_deg)"
 frames=$(field frames_rendered)
 refused size-0 'length): '
+refused odd-size 'length): '
 refused past-end 'length): '
+refused garbage 'length): '
+near lat_deg 46.65 1e-6 || fail "what stands before garbage is not used: $(field lat_deg)"
 refused nan 'not-finite): '
 near lat_deg 46.6 1e-6 || fail "what follows a packet that is refused is not used: $(field lat_deg)"
 refused no-entity 'reference): '
+refused no-view 'reference): '
+# a request is looked at when its frame begins: its refusal is counted with the next message
+for kind in no-request-entity far-request; do
+    before=$(field rejected)
+    send $kind
+    sleep 0.2
+    send place
+    wait_for 3 is rejected $((before + 1)) || fail "$kind: rejected $(field rejected), not $before and 1"
+done
 refused magic 'magic): '
 before=$(field rejected)
 send unknown
@@ -96,5 +108,5 @@ wait_for 5 is code 102 || fail "after the host has gone the fault is $(field cod
 stop_daemon
 [ "$stopped" -eq 0 ] || fail "status $stopped"
 logged "1 unknown" || fail "the unknown packet is not counted"
-logged "magic 1" || fail "refusals are not told by reason"
+logged "length 4, magic 1, not-finite 1, range 1, reference 3" || fail "refusals are not told by reason"
 finish

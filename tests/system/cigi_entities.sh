@@ -10,6 +10,7 @@ reply=$(free_port)
 modbus=$(free_port)
 cat >otwd.yaml <<YAML
 display: {width: 160, height: 90, rate_hz: 10}
+terrain: {pixel_error_most: 1} # as fine however long it takes: coarser terrain would be another picture
 sources:
   - {name: host, type: cigi, listen: "127.0.0.1:$port", reply: "127.0.0.1:$reply", timeout_ms: 60000}
 entities:

@@ -28,9 +28,13 @@ ask 1 0 200 # shaders are compiled, terrain comes
 ask 1 0 600
 quiet=$missed
 ask 1000 0 600
-awk '{ exit !($5 >= 0.8 * $1) }' ask.log || fail "less than 80 % in the next message"
-# a machine that is busy misses some without any request
-[ "$missed" -le $((quiet + 30)) ] || fail "$missed deadlines missed with requests, $quiet without"
+if [ -z "${OTWD_TESTS_ARE_SLOW:-}" ]; then
+    awk '{ exit !($5 >= 0.9 * $1) }' ask.log || fail "less than 90 % in the next message"
+    # a machine that is busy misses some without any request
+    [ "$missed" -le $((quiet + 15)) ] ||
+        fail "$missed deadlines missed with requests, $quiet without"
+fi
 ask 900 100 100
+ask 0 300 100
 is rejected 0 || fail "rejected $(field rejected)"
 finish

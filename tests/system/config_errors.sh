@@ -20,4 +20,16 @@ expect 78 'syntax.yaml:' "$OTWD" run -c syntax.yaml
 expect 66 'absent.yaml' "$OTWD" run -c absent.yaml
 expect 64 'unexpected argument' "$OTWD" run otwd.yaml
 expect 78 'typo.yaml:3:3: ' "$OTWD" check-config typo.yaml
+
+# A sentence that cuts a long key within a letter is told all the same; so is a path that is no UTF-8.
+{
+    printf 'display: {x'
+    for _ in 1 2 3 4 5 6; do printf 'äääää'; done
+    echo ': 1}'
+} >letters.yaml
+expect 78 '"message": "letters.yaml:1:11: unknown key' "$OTWD" check-config --json letters.yaml
+path=$(printf 'caf\351.yaml')
+cp typo.yaml "$path"
+expect 78 '.yaml:3:3: ' "$OTWD" check-config --json "$path"
+expect 78 '"file": "caf' "$OTWD" check-config --json "$path"
 finish

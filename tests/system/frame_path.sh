@@ -1,7 +1,7 @@
 #!/bin/sh
 # The frame path allocates nothing and takes no lock after the first second of frames. Counted by
-# COUNT_CALLS (tests/count_calls.c), preloaded into the real program under a moving pose; once more where a
-# CIGI host leads. Calls that the GL driver's own libraries make do not count.
+# COUNT_CALLS (tests/count_calls.c), preloaded into the real program under a moving pose, in a swap lock; once
+# more where a CIGI host leads. Calls that the GL driver's own libraries make do not count.
 . "$(dirname "$0")/common.sh"
 
 export COUNT_THREAD=counted COUNT_AFTER_S=0.5 COUNT_FILE="$scratch/self.txt"
@@ -31,6 +31,7 @@ count() {
 look() {
     cat >otwd.yaml <<YAML
 display: {width: 160, height: 90, rate_hz: 20}
+swap_lock: {group: "239.192.0.1:$port", channels: 2}
 sources:
   - {name: host, listen: "127.0.0.1:$port", $1}
 health: {modbus: {listen: "127.0.0.1:$modbus"}}
