@@ -13,6 +13,8 @@ shared_of()
     shade*) cat "$folder/common.glsl" "$folder/images.glsl" "$folder/shade.glsl" ;;
     mesh.* | raster*) cat "$folder/common.glsl" "$folder/raster.glsl" ;;
     reach.* | select.*) cat "$folder/common.glsl" "$folder/blocks.glsl" ;;
+    technique_persistent_grid*)
+        cat "$folder/common.glsl" "$folder/field.glsl" "$folder/technique_persistent_grid.glsl" ;;
     technique_*) cat "$folder/common.glsl" "$folder/field.glsl" ;;
     *) cat "$folder/common.glsl" ;;
     esac
@@ -35,6 +37,7 @@ check()
             printf '#define LANES 64\n'
             printf '#define SAMPLE_PLACES vec2(0.25), vec2(0.75)\n#define IMAGE_TAPS 4\n#define STORAGE 256\n'
             printf '#define PATCH_CELLS 128\n#define BLOCK_CELLS 16\n'
+            printf '#define CORNERS 24\n#define WARP 1\n#define EDGES 1\n'
             shared_of "$1"
             cat "$1"
         } | "$validator" --stdin -S "$stage" >"$output.log" 2>&1 ||
