@@ -13,8 +13,8 @@ struct stage {
 
 static const struct stage stages[] = {
     {"vert", GL_VERTEX_SHADER},          {"tesc", GL_TESS_CONTROL_SHADER},
-    {"tese", GL_TESS_EVALUATION_SHADER}, {"geom", GL_GEOMETRY_SHADER},
-    {"frag", GL_FRAGMENT_SHADER},        {"comp", GL_COMPUTE_SHADER},
+    {"tese", GL_TESS_EVALUATION_SHADER}, {"frag", GL_FRAGMENT_SHADER},
+    {"comp", GL_COMPUTE_SHADER},
 };
 #define STAGES (sizeof(stages) / sizeof(stages[0]))
 
@@ -92,9 +92,6 @@ static int build(const struct program_params *params, const char *const sources[
             glDeleteShader(shader); /* lives on in the program */
         }
     }
-    if (r == 0 && params->captured)
-        glTransformFeedbackVaryings(program, params->captured_count, params->captured,
-                                    GL_INTERLEAVED_ATTRIBS);
     if (r == 0)
         r = link_program(params, program, diag);
     if (r < 0) {
@@ -112,14 +109,13 @@ int program_create(const struct program_params *params, GLuint *ret_program, str
         find_sources(params, &stages[i], sources[i]);
     uint64_t key = program_cache_key(sources[0], STAGES * SOURCES);
     GLuint program = glCreateProgram();
-    bool cached = !params->captured; /* which is not of the key */
-    if (cached && program_cache_load(key, program)) {
+    if (program_cache_load(key, program)) {
         *ret_program = program;
         return 0;
     }
     glDeleteProgram(program);
     int r = build(params, (const char *const(*)[SOURCES])sources, ret_program, diag);
-    if (r == 0 && cached)
+    if (r == 0)
         program_cache_store(key, *ret_program);
     return r;
 }

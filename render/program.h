@@ -13,12 +13,10 @@ struct shader_file {
 extern const struct shader_file shader_files[];
 
 struct program_params {
-    const char *name;      /* of the files: name.vert, name.tesc, name.tese, name.geom, name.frag,
-                              name.comp; those that exist are linked */
+    const char *name;      /* of the files: name.vert, name.tesc, name.tese, name.frag, name.comp;
+                              those that exist are linked */
     const char *defines;   /* "#define A 1\n..." put before every stage, or NULL */
     const char *shared[2]; /* files put between common.glsl and every stage, or NULL */
-    const char *const *captured; /* [captured_count] outputs for transform feedback, interleaved */
-    int captured_count;
 };
 
 /* Every stage is "#version 450 core", the defines, common.glsl, the shared files, then the stage's

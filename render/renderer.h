@@ -50,7 +50,8 @@ struct renderer_frame {
 struct renderer;
 
 /* The clipmap that fits a source, a screen whose pixels cover `pixel_rad` and a rasteriser: the
- * radius by `pixel_error`, up to what a frame has time for. */
+ * radius by `pixel_error`, up to what a frame has time for, and less on a GPU that does not tell
+ * how much memory it has. A GL context is current. */
 struct clipmap_shape renderer_shape(const struct terrain_facts *facts, double pixel_rad,
                                     double pixel_error, bool software);
 

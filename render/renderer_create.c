@@ -17,7 +17,7 @@ struct clipmap_shape renderer_shape(const struct terrain_facts *facts, double pi
                                     double pixel_error, bool software)
 {
     double posts = detail_posts(pixel_rad, pixel_error);
-    int radius = 32, most = software ? 64 : 512;
+    int radius = 32, most = software ? 64 : gl_memory_free_mib() > 0 ? 512 : RADIUS_UNKNOWN;
     while (radius < most && radius < posts)
         radius *= 2;
     /* Small blocks waste fewer triangles; software rasterisers pay for each. */
@@ -46,8 +46,6 @@ static int create_clipmap(struct renderer *renderer, const struct gl_facts *fact
                           struct diag *diag)
 {
     int free_mib = gl_memory_free_mib(), r;
-    if (free_mib == 0 && renderer->shape.radius > RADIUS_UNKNOWN)
-        renderer->shape = clipmap_halved(&renderer->shape);
     for (;;) {
         int mib = clipmap_pass_mib(&renderer->shape);
         if (free_mib > 0 && mib > MEMORY_SHARE * free_mib)
