@@ -152,6 +152,7 @@ static void test_full(void)
         done += wait_for(thread).status == DIG_STATUS_DONE;
     CHECK_INT(done, taken);
     CHECK(dig_thread_ask(thread, &message, &asker));
+    CHECK_INT(wait_for(thread).status, DIG_STATUS_DONE); /* a stop drops what has not begun */
     dig_thread_stop(thread);
     struct dig *dig = NULL;
     CHECK_INT(dig_open(path, &dig, NULL), 0);
