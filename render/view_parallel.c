@@ -16,6 +16,10 @@
 #define LOWEST_M  -500.0        /* of any land, above the ellipsoid: select.comp */
 #define HIGHEST_M 9000.0
 
+/* Of parallel_m, to which the ground's height is taken: it is that below the eye, which goes where
+ * the height says, and shall come to rest. */
+#define HEIGHT_STEPS 4.0
+
 /* By so much to the right, up and back. Its axes go along, in the local frame there. */
 static void move_eye(struct view *view, const double eye_m[3])
 {
@@ -108,7 +112,8 @@ void view_slide(struct view *view, double ground_m)
     double along_m, height_m = view->eye.height_m, far_m = view->far_m;
     if (view->parallel_m <= 0.0)
         return;
-    bool meets = find_ground(view, 0.0, 0.0, ground_m, &along_m);
+    double step_m = view->parallel_m / HEIGHT_STEPS;
+    bool meets = find_ground(view, 0.0, 0.0, nearbyint(ground_m / step_m) * step_m, &along_m);
     along_m = meets || along_m > 0.0 ? along_m - view->parallel_m : 0.0;
     const double eye_m[3] = {0.0, 0.0, -along_m};
     move_eye(view, eye_m);
