@@ -16,10 +16,12 @@ rm -f "$build"/*.profraw
 for target in "$build"/tests/fuzz/fuzz_*; do
     [ -f "$target" ] || continue
     LLVM_PROFILE_FILE=$build/${target##*/}.profraw "$target" -runs=0 \
-        "$root/tests/fuzz/corpus/${target##*/fuzz_}" 2>/dev/null
+        "$root/tests/fuzz/corpus/${target##*/fuzz_}" 2>"$build/fuzz.log" ||
+        { tail -n 20 "$build/fuzz.log" >&2; exit 1; }
     objects="$objects ${objects:+-object }$target"
 done
 llvm-profdata merge -o "$build/all.profdata" "$build"/*.profraw
+# shellcheck disable=SC2016 # backquotes of Markdown
 sed -n 's/^| `\([a-z_/]*\.c\)` .*/\1/p' "$root/docs/fuzzing.md" >"$build/decoders"
 # shellcheck disable=SC2086 # several words
 llvm-cov export -format=lcov -instr-profile "$build/all.profdata" $objects |
@@ -50,8 +52,8 @@ llvm-cov export -format=lcov -instr-profile "$build/all.profdata" $objects |
                 }
                 percent = count ? 100 * hit / count : 0
                 low += percent < 95
-                printf "%-28s %4d lines %6.2f %%%s%s\n", file, count, percent, missing ? "  not entered:" : "",
-                    missing | "sort"
+                missing = missing ? "  not entered:" missing : ""
+                printf "%-28s %4d lines %6.2f %%%s\n", file, count, percent, missing | "sort"
             }
             close("sort")
             exit low > 0

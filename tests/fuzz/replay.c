@@ -1,6 +1,6 @@
 /* Runs a fuzz target over every file of a corpus directory, over every cut of each file and over
- * each with single bytes changed: the corpus as an ordinary test. A second argument says at how many
- * places of a file, for targets that are slow. The same target links with libFuzzer
+ * each with single bytes changed: the corpus as an ordinary test. A second argument says at how
+ * many places of a file, for targets that are slow. The same target links with libFuzzer
  * (-fsanitize=fuzzer) in place of this file. */
 #include <dirent.h>
 #include <stdint.h>
