@@ -12,6 +12,7 @@
 #define BOX_CELLS       16 /* a side of the finest boxes: 2 to the BOX_LOG */
 #define BOX_LOG         4
 #define COARSE_CELLS    32 /* of the field between two vertices of the coarse mesh, usually */
+#define USUAL_SAMPLES   3
 #define EMITTED_MOST    12 /* vertices, by the geometry shader */
 #define CONTROL_BINDING 0
 #define BOXES_BINDING   1
@@ -165,7 +166,7 @@ static void create_meshes(struct technique_of_rag *self)
         self->meshes[i] = create_buffer(self, self->room * triangle, NULL);
         self->mesh_arrays[i] = create_array(self->meshes[i], sizeof(struct corner), 2);
     }
-    self->control = create_buffer(self, sizeof(struct control), NULL);
+    self->control = create_buffer(self, sizeof(struct control), &(struct control){0});
     glCreateQueries(GL_TRANSFORM_FEEDBACK_PRIMITIVES_WRITTEN, 1, &self->queries[0]);
     glCreateQueries(GL_PRIMITIVES_GENERATED, 1, &self->queries[1]);
 }
@@ -174,9 +175,8 @@ static int create_programs(struct technique_of_rag *self, const struct technique
                            const struct rag_settings *settings, struct diag *diag)
 {
     char defines[96];
-    snprintf(defines, sizeof(defines),
-             "#define OBLIQUE %d\n#define LOOKS %d\n#define BOX_LOG %d\n", settings->oblique,
-             settings->samples, BOX_LOG);
+    snprintf(defines, sizeof(defines), "#define OBLIQUE %d\n#define LOOKS %d\n#define BOX_LOG %d\n",
+             settings->oblique, settings->samples, BOX_LOG);
     struct program_params program = {
         .name = "technique_rag", .defines = defines, .shared[1] = "technique_rag.glsl"};
     int r = field_program_create(params->heights, &program, &self->refine, diag);
@@ -211,11 +211,12 @@ static int check(const struct technique_params *params, const struct rag_setting
     if (settings->vertices < 2 || settings->vertices > params->field->cells + 1)
         return diag_set(diag, -EINVAL, "a coarse mesh of %d vertices a side over %d posts",
                         settings->vertices, params->field->cells + 1);
-    if (settings->passes < 0 || settings->passes > RAG_PASSES_MOST || settings->samples < 1 ||
-        settings->samples > 15)
-        return diag_set(diag, -EINVAL,
-                        "%d passes with %d samples of an edge; there are 0 to %d, 1 to 15",
-                        settings->passes, settings->samples, RAG_PASSES_MOST);
+    if (settings->passes < 0 || settings->passes > RAG_PASSES_MOST)
+        return diag_set(diag, -EINVAL, "%d passes; 0 to %d there may be", settings->passes,
+                        RAG_PASSES_MOST);
+    if (settings->samples < 1 || settings->samples % 2 == 0 || settings->samples > 15)
+        return diag_set(diag, -EINVAL, "%d samples of an edge; 1, 3, 5 to 15 there may be",
+                        settings->samples);
     return 0;
 }
 
@@ -261,7 +262,7 @@ static int create_usual(const struct technique_params *params, bool oblique,
         .oblique = oblique,
         .vertices = params->field->cells / COARSE_CELLS + 1,
         .passes = RAG_PASSES_MOST,
-        .samples = 1,
+        .samples = USUAL_SAMPLES,
     };
     return rag_create(params, &settings, ret_technique, diag);
 }
@@ -375,8 +376,8 @@ static void facts(const struct technique *technique, struct technique_facts *ret
 const struct technique_ops technique_rag = {
     .name = "rag",
     .title = "Schmiade 2008: recursive refinement by geometry shaders, right angles alone",
-    .knob = {"difference of heights along an edge, px", 1.0, 1000.0, 20.0, false, false},
-    .claim = {1.0, 50.0, false, true},
+    .knob = {"difference of heights along an edge, px", 0.1, 1000.0, 2.0, false, false},
+    .claim = {6.0, 15.0, false, true},
     .create = create,
     .destroy = destroy,
     .tune = tune,
@@ -389,7 +390,7 @@ const struct technique_ops technique_rag_oblique = {
     .name = "rag-oblique",
     .title = "Schmiade 2008: recursive refinement by geometry shaders, partially oblique",
     .knob = {"tolerance, px", 0.02, 50.0, 0.5, false, false},
-    .claim = {1.0, 50.0, true, true},
+    .claim = {1.0, 4.0, true, true},
     .create = create_oblique,
     .destroy = destroy,
     .tune = tune,

@@ -8,7 +8,8 @@ struct rag_settings {
     bool oblique;  /* the paper's shader variant 2; else 1, right angles alone */
     int vertices;  /* of the coarse mesh, a side: 2 to the field's posts */
     int passes;    /* at most; no more than RAG_PASSES_MOST, nor than give a cell's edge */
-    int samples;   /* of an edge that are held against the ground: 1 is the paper's; variant 2 */
+    int samples;   /* of an edge that are held against the ground: 1 (the paper's), 3 to 15; only of
+                      variant 2 */
     int triangles; /* for which there is room, at least; 0: RAG_TRIANGLES */
 };
 

@@ -108,7 +108,7 @@ float error_of(Corner a, Corner b, Corner middle)
 // The angle at which the difference between the heights of its ends is seen from the nearest point of
 // an edge. Half an edge has half the difference and is no nearer, so that what is not cut has no half
 // that would be ("strictly monotonic", section 4.2.1).
-float error_of(Corner a, Corner b, Corner middle)
+float error_of(Corner a, Corner b)
 {
     vec3 way = b.enu - a.enu;
     float t = clamp(-dot(a.enu, way) / dot(way, way), 0.0, 1.0);
@@ -132,7 +132,7 @@ bool is_cut(int from, int to, int middle)
     corners[middle] = on_ground(0.5 * (a.place.xy + b.place.xy));
     return error_of(a, b, corners[middle]) > tolerance;
 #else
-    if (!(error_of(a, b, corners[middle]) > tolerance))
+    if (!(error_of(a, b) > tolerance))
         return false;
     corners[middle] = on_ground(0.5 * (a.place.xy + b.place.xy));
     return true;
