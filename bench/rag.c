@@ -136,6 +136,17 @@ static int load_flight(const char *path, const char *geoid_name, struct flight *
     return r;
 }
 
+static void print_stage(struct stage *stage, int posts)
+{
+    struct view view;
+    stage_aim(stage, 0, true, &view);
+    fprintf(stderr, "%s: %d posts a side, %.1f m apart; %d x %d; %.1f m above the ground\n",
+            stage->gl.renderer, posts, stage_spacing_m(stage), stage->params.width,
+            stage->params.height, stage_height_above_ground_m(stage, &view));
+    puts("figure,vertices,passes,error_px,second,gpu_ms,terrain_ms,triangles,passes_shown,"
+         "overflow");
+}
+
 int main(int argc, char **argv)
 {
     struct channel_params channel = replay_defaults().channel;
@@ -161,12 +172,8 @@ int main(int argc, char **argv)
                                         .finest_error = 1.0};
     if (r == 0)
         r = stage_open(&params, &stage, &diag);
-    if (r == 0) {
-        fprintf(stderr, "%s: %d posts a side, %.1f m apart; %d x %d\n", stage.gl.renderer, posts,
-                stage_spacing_m(&stage), channel.width, channel.height);
-        puts("figure,vertices,passes,error_px,second,gpu_ms,terrain_ms,triangles,passes_shown,"
-             "overflow");
-    }
+    if (r == 0)
+        print_stage(&stage, posts);
     for (size_t i = 0; r == 0 && i < SETTINGS; i++)
         r = turn(&stage, &settings[i], &diag);
     if (r < 0)
