@@ -6,6 +6,7 @@
 #include "render/sight.h"
 #include "render/technique.h"
 #include "render/technique_persistent_grid.h"
+#include "render/technique_rag.h"
 #include "terrain/field.h"
 #include "tests/quality_fixture.h"
 
@@ -387,6 +388,81 @@ static void the_sky_is_not_seen_through_the_ground(void)
     close_stage(&stage);
 }
 
+/* Looks straight down: no sky is seen. */
+static struct rag_counts refine(struct stage *stage, const struct rag_settings *settings,
+                                double tolerance_px)
+{
+    const struct technique_params params = params_of(stage);
+    struct technique *technique = NULL;
+    struct view view = pose_view(3);
+    struct technique_facts facts;
+    struct diag diag = {""};
+    if (rag_create(&params, settings, &technique, &diag) < 0) {
+        CHECK_FAIL("%s", diag.text);
+        return (struct rag_counts){0};
+    }
+    technique->ops->tune(technique, tolerance_px);
+    draw(&stage->scene, &view, NULL, NULL, NULL);
+    technique_show(technique, &params, stage->scene.renderer, &view, NULL);
+    CHECK_INT(count_sky(stage), 0);
+    struct rag_counts counts = rag_counts(technique);
+    technique->ops->facts(technique, &facts);
+    CHECK_INT(facts.note != NULL, counts.has_overflowed);
+    technique_destroy(technique);
+    return counts;
+}
+
+/* What does not fit into the buffers is left out by passes, not by triangles. */
+static void rag_shows_what_fits(void)
+{
+    const struct rag_settings ample = {
+        .oblique = true, .vertices = 17, .passes = RAG_PASSES_MOST, .samples = 1};
+    struct rag_settings scant = ample, none = ample;
+    struct stage stage;
+    scant.triangles = 2000;
+    none.triangles = 1; /* the coarse mesh always fits */
+    if (!open_stage(&stage))
+        return;
+    struct rag_counts all = refine(&stage, &ample, 0.1);
+    struct rag_counts some = refine(&stage, &scant, 0.1);
+    struct rag_counts few = refine(&stage, &none, 0.1);
+    struct rag_counts done = refine(&stage, &ample, 1e6);
+    CHECK(!all.has_overflowed);
+    CHECK_INT(all.passes, 5); /* from 32 posts to one */
+    CHECK(some.has_overflowed && few.has_overflowed);
+    CHECK(some.passes < all.passes && few.passes < some.passes);
+    CHECK(some.triangles <= 2000 && some.triangles > 2 * few.triangles);
+    CHECK(few.triangles > 0 && few.triangles <= 2 * 16 * 16);
+    CHECK(!done.has_overflowed);
+    CHECK_INT(done.passes, 1); /* which found that there is nothing to do */
+    close_stage(&stage);
+}
+
+static void rag_asks_for_geometry_shaders(void)
+{
+    const struct rag_settings wrong[3] = {{.vertices = 1, .samples = 1},
+                                          {.vertices = 17, .passes = 15, .samples = 1},
+                                          {.vertices = 17}};
+    struct technique *technique = NULL;
+    struct stage stage;
+    if (!open_stage(&stage))
+        return;
+    struct gl_facts without = gl;
+    struct technique_params params = params_of(&stage);
+    struct diag diag = {""};
+    for (int i = 0; i < 3; i++)
+        CHECK_INT(rag_create(&params, &wrong[i], &technique, &diag), -EINVAL);
+    params.facts = &without;
+    without.max_geometry_vertices = 0;
+    CHECK_INT(technique_create(&technique_rag, &params, &technique, &diag), -ENOTSUP);
+    CHECK_CONTAINS(diag.text, "geometry shaders");
+    without = gl;
+    without.max_geometry_buffers = 0;
+    CHECK_INT(technique_create(&technique_rag_oblique, &params, &technique, &diag), -ENOTSUP);
+    CHECK_CONTAINS(diag.text, "buffers");
+    close_stage(&stage);
+}
+
 static void a_field_knows_its_places(void)
 {
     struct stage stage;
@@ -489,6 +565,8 @@ int main(void)
         {"no technique is seen in the renderer's frame",
          no_technique_is_seen_in_the_renderers_frame},
         {"a persistent grid's parts each help", a_persistent_grids_parts_each_help},
+        {"rag shows what fits", rag_shows_what_fits},
+        {"rag asks for geometry shaders", rag_asks_for_geometry_shaders},
         {"the sky is not seen through the ground", the_sky_is_not_seen_through_the_ground},
     };
     return render_tests_main(tests, sizeof(tests) / sizeof(tests[0]), check_main);

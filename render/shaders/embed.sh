@@ -15,6 +15,7 @@ shared_of()
     reach.* | select.*) cat "$folder/common.glsl" "$folder/blocks.glsl" ;;
     technique_persistent_grid*)
         cat "$folder/common.glsl" "$folder/field.glsl" "$folder/technique_persistent_grid.glsl" ;;
+    technique_rag*) cat "$folder/common.glsl" "$folder/field.glsl" "$folder/technique_rag.glsl" ;;
     technique_*) cat "$folder/common.glsl" "$folder/field.glsl" ;;
     *) cat "$folder/common.glsl" ;;
     esac
@@ -38,6 +39,7 @@ check()
             printf '#define GROUND 1\n#define SKY %d\n' "${variant%% *}"
             printf '#define SAMPLE_PLACES vec2(0.25), vec2(0.75)\n#define IMAGE_TAPS 4\n#define STORAGE 256\n'
             printf '#define PATCH_CELLS 128\n#define BLOCK_CELLS 16\n'
+            printf '#define OBLIQUE %d\n#define LOOKS 1\n#define BOX_LOG 4\n' "${variant%% *}"
             printf '#define CORNERS 24\n#define WARP 1\n#define EDGES 1\n'
             shared_of "$1"
             cat "$1"
