@@ -35,7 +35,7 @@ struct otwlog_writer {
     uint8_t *ring;
     size_t ring_size; /* a power of two */
     _Atomic size_t head, tail;
-    _Atomic uint64_t added, dropped, removed;
+    _Atomic uint64_t written, dropped, removed;
     /* the rest belongs to the flushing thread */
     char directory[PATH_BYTES - 64], stem[32], path[PATH_BYTES];
     int fd;
@@ -189,7 +189,6 @@ static bool add(struct otwlog_writer *writer, enum otwlog_type type, unsigned so
     memcpy(record + OTWLOG_RECORD_HEAD, payload, size);
     ring_write(writer, tail, record, total);
     atomic_store_explicit(&writer->tail, tail + total, memory_order_release);
-    atomic_fetch_add_explicit(&writer->added, 1, memory_order_relaxed);
     return true;
 }
 
@@ -269,8 +268,8 @@ int otwlog_flush(struct otwlog_writer *writer, struct diag *diag)
         ring_read(writer, head, record, size);
         if (result == 0)
             result = flush_record(writer, record, size, diag);
-        if (result < 0)
-            atomic_fetch_add_explicit(&writer->dropped, 1, memory_order_relaxed);
+        atomic_fetch_add_explicit(result < 0 ? &writer->dropped : &writer->written, 1,
+                                  memory_order_relaxed);
         head += size;
         atomic_store_explicit(&writer->head, head, memory_order_release);
     }
@@ -281,9 +280,9 @@ int otwlog_flush(struct otwlog_writer *writer, struct diag *diag)
     return result;
 }
 
-uint64_t otwlog_added(const struct otwlog_writer *writer)
+uint64_t otwlog_written(const struct otwlog_writer *writer)
 {
-    return atomic_load_explicit(&writer->added, memory_order_relaxed);
+    return atomic_load_explicit(&writer->written, memory_order_relaxed);
 }
 
 uint64_t otwlog_dropped(const struct otwlog_writer *writer)

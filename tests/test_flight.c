@@ -408,7 +408,7 @@ static void record(int count, unsigned max_mib, size_t packet_size, char ret_pat
             CHECK_INT(otwlog_flush(writer, &diag), 0);
     }
     CHECK_INT(otwlog_flush(writer, &diag), 0);
-    CHECK_INT(otwlog_added(writer), 1 + 2 * count);
+    CHECK_INT(otwlog_written(writer), 1 + 2 * count);
     CHECK_INT(otwlog_dropped(writer), 0);
     snprintf(ret_path, 4096, "%s", otwlog_path(writer));
     otwlog_destroy(writer);
