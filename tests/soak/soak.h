@@ -21,14 +21,14 @@
 
 /* How far from its roll-over each of the daemon's counters begins. */
 #define SOAK_UPTIME_S          (INT64_C(50) * 65536 - 250) /* register 5 at 65535 s: five weeks */
-#define SOAK_SHORT_FRAMES      (60u * 140)
+#define SOAK_SHORT_FRAMES      (60u * 25)
 #define SOAK_SHORT_MISSED      40u
 #define SOAK_SHORT_ACCEPTED    (190u * 100)
 #define SOAK_SHORT_REJECTED    20u
 #define SOAK_SHORT_LOST        30u
 #define SOAK_SHORT_CAN_FRAMES  (600u * 150)
 #define SOAK_SHORT_RECORDED    (900u * 160)
-#define SOAK_SHORT_CIGI_FRAMES (60u * 120)
+#define SOAK_SHORT_CIGI_FRAMES (60u * 20)
 
 /* The daemon's monotonic clock passes 2^32 ms, which is 100 * 2^32 units of 10 us, so long after
  * its start; the hosts' own clocks and numbers roll over at times of their own. */
