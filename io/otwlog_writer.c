@@ -123,6 +123,8 @@ int otwlog_create(const struct otwlog_params *params, struct otwlog_writer **ret
     writer->fd = -1;
     writer->ring_size = power_of_two(params->ring_bytes ? params->ring_bytes : RING_BYTES_DEFAULT);
     writer->ring = malloc(writer->ring_size);
+    if (writer->ring) /* from now on, not little by little: memory that grows looks like a leak */
+        memset(writer->ring, 0xff, writer->ring_size);
     size_t max_mib = params->max_mib ? params->max_mib : MAX_MIB_DEFAULT;
     writer->file_limit = (max_mib << 20) / FILES_KEPT;
     snprintf(writer->directory, sizeof(writer->directory), "%s", params->directory);

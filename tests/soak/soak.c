@@ -20,7 +20,7 @@
 #define START_S   30   /* until the first frame */
 #define SETTLE_S  10   /* from the first frame to the first event */
 #define RATTLE_S  6    /* after an event, until all has to be as before */
-#define FLOOD     2000 /* datagrams */
+#define FLOOD     3500 /* datagrams: more than a queue holds, less than what counts as a new start */
 #define CLIENTS   80
 #define PORT_BASE 20000
 
