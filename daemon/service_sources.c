@@ -395,6 +395,15 @@ static void add_counters(const struct source_slot *slot, struct source_totals *t
         totals->can_frames += counters->received;
 }
 
+/* Of a source that is given up: what follows in its place begins without a fault. */
+static void tell_over(const struct source_slot *slot)
+{
+    if (slot->failed)
+        log_fault_cleared(FAULT_SOURCE_FAILED, slot->config->name);
+    if (slot->lost)
+        log_fault_cleared(FAULT_SOURCE_LOST, slot->config->name);
+}
+
 static void retire(struct service *service, unsigned i)
 {
     add_counters(&service->slots[i], &service->closed);
@@ -416,8 +425,10 @@ void sources_reload(struct service *service, struct config *next)
     for (unsigned i = 0; i < service->slot_count; i++) {
         stays[i] =
             i < next->sources_count && config_source_same(&now->sources[i], &next->sources[i]);
-        if (!stays[i])
+        if (!stays[i]) {
+            tell_over(&service->slots[i]);
             retire(service, i);
+        }
     }
     arbiter_update(&service->arbiter, clock_monotonic_ns()); /* which tells the old names */
     if (service->driving != ARBITER_NONE && !stays[service->driving])
