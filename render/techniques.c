@@ -14,10 +14,20 @@
 #include "render/technique_reference.h"
 
 const struct technique_ops *const techniques[] = {
-    &technique_reference,       &technique_persistent_grid,      &technique_cdlod,
-    &technique_clipmap_classic, &technique_clipmap_classic_sent, &technique_geomipmap,
-    &technique_quadtree,        &technique_quadtree_5,           &technique_quadtree_9,
-    &technique_quadtree_33,     &technique_quadtree_apart,       NULL,
+    &technique_reference,
+    &technique_persistent_grid,
+    &technique_cdlod,
+    &technique_clipmap_classic,
+    &technique_clipmap_classic_sent,
+    &technique_geomipmap,
+    &technique_quadtree,
+    &technique_quadtree_5,
+    &technique_quadtree_9,
+    &technique_quadtree_33,
+    &technique_quadtree_apart,
+    &technique_quadtree_dug,
+    &technique_geomipmap_static,
+    NULL,
 };
 
 const struct technique_ops *technique_find(const char *name)
