@@ -40,8 +40,8 @@ measure()
     shift 6
     database=puget-16385.otwt
     if [ "$SMALL" ]; then
-        size=320x180 posts=1025 database=puget-4097.otwt rate=$(echo "$rate" | awk '{
-            print $1 > 2 ? $1 / 20 : 0.1 }')
+        size=320x180 posts=1025 database=puget-4097.otwt
+        rate=$(awk -v rate="$rate" 'BEGIN { print (rate > 2 ? rate / 20 : 0.1) }')
     fi
     echo "$name: $techniques" >&2
     "$OTWD" bench --terrain "$data/$database" --flight "$out/$flight" --size "$size" \
@@ -56,7 +56,7 @@ join()
 {
     run=$1
     shift
-    sed 's/^/_Measured here:_ /;$!s/$/;/' "$out/$run.on" && echo
+    printf '%s\n\n' "Here: $(tr '\n' ' ' <"$out/$run.on")"
     awk -v columns="$*" -v posts="$(sed -n 's/.*ground: \([0-9]*\) x.*/\1/p' "$out/$run.on")" '
         function value(column, row,    v) {
             v = cell[row, substr(column, index(column, ":") + 1)]

@@ -81,8 +81,9 @@ awk -F, 'NR == 1 { for (i = 1; i <= NF; i++) at[$i] = i; next }
         $at["frame_ms_mean"] >= $at["frame_ms_min"] && $at["frame_ms_max"] >= $at["frame_ms_mean"]
       if (!ok) exit 1 }
     END { exit !(t[3] > 1.2 * t[2]) }' asked/flown.csv || fail "flown.csv: $(cat asked/flown.csv)"
-[ "$(head -n 1 asked/frames.csv)" = 'time_s,cdlod@4,cdlod@12,reference@1' ] &&
-    [ "$(wc -l <asked/frames.csv)" = 6 ] || fail "frames.csv: $(cat asked/frames.csv)"
+[ "$(head -n 1 asked/frames.csv)" = 'time_s,cdlod@4,cdlod@12,reference@1' ] ||
+    fail "frames.csv: $(cat asked/frames.csv)"
+[ "$(wc -l <asked/frames.csv)" = 6 ] || fail "frames.csv: $(cat asked/frames.csv)"
 grep -q 'settings that were asked for' asked/report.html || fail "report.html has no table"
 
 # A flight that leaves the ground: the row says so.
