@@ -41,7 +41,8 @@ measure()
     database=puget-16385.otwt
     if [ "$SMALL" ]; then
         size=320x180 posts=1025 database=puget-4097.otwt
-        rate=$(awk -v rate="$rate" 'BEGIN { print (rate > 2 ? rate / 20 : 0.1) }')
+        rate=$(awk -v rate="$rate" 'BEGIN { print (rate > 4 ? rate / 40 : 0.1) }')
+        set -- --radius 64 "$@" --rounds 1 --every 8 # the radius is the daemon's by software
     fi
     echo "$name: $techniques" >&2
     "$OTWD" bench --terrain "$data/$database" --flight "$out/$flight" --size "$size" \

@@ -36,7 +36,7 @@ EOF
 echo '### Table 4.5: of the frame, at 1024x768: laying out the grid (T 0.5 %, W 2.5 %), drawing it (40 %)'
 echo
 join houska update_ms_p50 draw_ms_p50 gpu_ms_p50 <<EOF
-$twe@$columns;PGM_TWE, ms of the GPU;
+$twe@$columns;PGM_TWE, ms; the first has what the paper places in its vertex shader;
 $twebu@$columns;PGM_TWEBU: B 37.6 %, U 19.4 % besides;
 EOF
 echo '### Table 4.6: least, mean and greatest PSNR, dB'
