@@ -8,6 +8,12 @@
 static const struct technique_knob clipmap_knob = {
     .name = "pixel error", .least = 0.05, .most = 50.0, .usual = 1.0};
 
+struct technique_knob entry_knob(const char *name)
+{
+    const struct technique_ops *ops = technique_find(name);
+    return ops ? ops->knob : clipmap_knob;
+}
+
 /* The first picture, and how long it took. */
 static int start(struct entry *entry, struct stage *stage)
 {
@@ -41,8 +47,8 @@ static int open_technique(struct stage *stage, struct entry *entry)
 int entry_open(struct stage *stage, const char *name, struct entry *ret_entry)
 {
     const struct technique_ops *ops = technique_find(name);
-    *ret_entry = (struct entry){
-        .name = ops ? ops->name : "clipmap", .ops = ops, .knob = ops ? ops->knob : clipmap_knob};
+    *ret_entry =
+        (struct entry){.name = ops ? ops->name : "clipmap", .ops = ops, .knob = entry_knob(name)};
     ret_entry->setting = ret_entry->knob.usual;
     if (ops)
         return open_technique(stage, ret_entry);

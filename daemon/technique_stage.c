@@ -96,11 +96,13 @@ static int open_renderer(struct stage *stage, const struct stage_params *params,
     terrain.source->ops->facts(terrain.source, &facts);
     struct clipmap_shape usual =
         renderer_shape(&facts, pixel_rad(channel), params->finest_error, stage->gl.software);
-    int radius = stage->gl.software ? radius_by_software(params) : usual.radius;
+    int radius = params->radius       ? params->radius
+                 : stage->gl.software ? radius_by_software(params)
+                                      : usual.radius;
     const struct renderer_params renderer = {
         .width = channel->width,
         .height = channel->height,
-        .shape = clipmap_shape_of_depth(radius, usual.block, depth),
+        .shape = clipmap_shape_of_depth(radius, renderer_block(radius, stage->gl.software), depth),
         .source = terrain.source,
         .fallback = terrain.fallback,
         .geoid = terrain.geoid,

@@ -17,6 +17,7 @@ struct stage_params {
                             STAGE_MARGIN_M around it, and the source has no finer */
     unsigned pixels;     /* that are judged of a picture */
     double finest_error; /* the least pixel error that the clipmap is to be drawn at */
+    int radius;          /* of the clipmap; 0: as that asks */
 };
 
 #define STAGE_MARGIN_M 5000.0

@@ -28,6 +28,8 @@ const struct technique_ops *const techniques[] = {
     &technique_quadtree_apart,
     &technique_rag,
     &technique_rag_oblique,
+    &technique_quadtree_dug,
+    &technique_geomipmap_static,
     NULL,
 };
 

@@ -554,11 +554,58 @@ static void sight_leaves_out_only_what_is_not_seen(void)
     CHECK(kept <= seen + seen / 50); /* what is behind is left out, too */
 }
 
+/* Where textures have fewer posts than the field it is in pieces, and shows the same. By the GPU's
+ * filter (cdlod) the places within a piece are rounded otherwise. */
+static void a_field_in_pieces_is_the_same_ground(void)
+{
+    static float whole[WIDTH * HEIGHT], pieces[WIDTH * HEIGHT];
+    struct stage stage;
+    struct diag diag = {""};
+    struct gl_facts small = gl;
+    if (!open_stage(&stage))
+        return;
+    struct technique_params params[2] = {params_of(&stage), params_of(&stage)};
+    struct field_texture heights;
+    small.max_texture_size = CELLS / 4 + 1;
+    CHECK_INT(field_texture_create(stage.field, &small, &heights, &diag), 0);
+    CHECK_CONTAINS(heights.defines, "FIELD_PIECE 128\n");
+    params[1].heights = &heights;
+    for (int i = 0; i < 4; i++) {
+        static const char *const names[2] = {"reference", "cdlod"};
+        static const int poses[2] = {3, 5}; /* down on where pieces meet, and from afar */
+        struct view view = pose_view(poses[i % 2]);
+        for (int k = 0; k < 2; k++) {
+            struct technique *technique = NULL;
+            uint64_t number;
+            CHECK_INT(technique_create(technique_find(names[i / 2]), &params[k], &technique, &diag),
+                      0);
+            draw(&stage.scene, &view, NULL, NULL, NULL);
+            technique_show(technique, &params[k], stage.scene.renderer, &view, NULL);
+            readback_start(stage.scene.depth, renderer_depth_framebuffer(stage.scene.renderer), 0);
+            memcpy(k ? pieces : whole, readback_take(stage.scene.depth, true, &number),
+                   sizeof(whole));
+            readback_release(stage.scene.depth);
+            technique_destroy(technique);
+        }
+        int differ = 0, far = 0;
+        for (int at = 0; at < WIDTH * HEIGHT; at++) {
+            differ += whole[at] != pieces[at];
+            far += fabsf(whole[at] - pieces[at]) > 1e-3f * whole[at];
+        }
+        printf("     %s, pose %d: %d pixels differ, %d by a thousandth\n", names[i / 2],
+               poses[i % 2], differ, far);
+        CHECK(i / 2 ? far < WIDTH * HEIGHT / 500 : differ == 0);
+    }
+    field_texture_destroy(&heights);
+    close_stage(&stage);
+}
+
 int main(void)
 {
     static const struct check_test tests[] = {
         {"a field knows its places", a_field_knows_its_places},
         {"a field stays on its face", a_field_stays_on_its_face},
+        {"a field in pieces is the same ground", a_field_in_pieces_is_the_same_ground},
         {"sight leaves out only what is not seen", sight_leaves_out_only_what_is_not_seen},
         {"each technique keeps what it claims, and its knob turns the right way",
          each_technique_keeps_what_it_claims},

@@ -34,6 +34,7 @@ check()
             printf '#define RASTER %d\n#define SENT %d\n' "${variant%% *}" "${variant%% *}"
             printf '#define BLOCK 8\n#define TABLE 32\n#define DRAWS 2\n#define BLOCKS_A_DRAW 9\n'
             printf '#define FIELD_COL 128\n#define FIELD_ROW 128\n#define FIELD_CELLS 256\n'
+            printf '#define FIELD_PIECE 128\n'
             printf '#define FIELD_PANE 1\n#define GRID_CELLS 128\n#define LEVELS 10\n'
             printf '#define LANES 64\n#define PANE_LANES 64\n'
             printf '#define GROUND 1\n#define SKY %d\n' "${variant%% *}"
