@@ -62,6 +62,6 @@ void stage_aim(struct stage *stage, nsec_t time_ns, bool complete, struct view *
 /* The view of the frame that comes so many steps after that. */
 void stage_look_ahead(const struct stage *stage, unsigned frames, struct view *ret_view);
 
-/* As stage_aim(), and draws the clipmap coarsely: what techniques are shown upon. -EIO where the GPU is
- * lost. */
+/* As stage_aim(), and draws the clipmap coarsely: what techniques are shown upon. -EIO where the
+ * GPU is lost. */
 int stage_go(struct stage *stage, nsec_t time_ns, bool complete, struct view *ret_view);

@@ -173,6 +173,7 @@ static void scatter(struct grid_between *between, const struct technique_frame *
     glProgramUniform1i(between->scatter_program, 1, between->apex);
     glBindTextureUnit(0, between->pyramid);
     glBindTextureUnit(1, between->past.depth);
+    glBindTextureUnit(2, between->found);
     glUseProgram(between->scatter_program);
     glBindVertexArray(between->vertex_array);
     glBindBuffer(GL_DRAW_INDIRECT_BUFFER, between->command);

@@ -118,7 +118,8 @@ static void facts(const struct technique *technique, struct technique_facts *ret
     const struct technique_ops variant_ = {                                                        \
         .name = name_,                                                                             \
         .title = "Houska 2019: persistent grid mapping" added_,                                    \
-        .knob = {"columns of the grid", 16.0, 960.0, 240.0, true, true},                           \
+        .knob = {"columns of the grid", 16.0, (parts_)&GRID_BETWEEN ? 480.0 : 960.0, 240.0, true,  \
+                 true},                                                                            \
         .claim = {p99_px_, max_px_, no_cracks_, !((parts_) & (GRID_BETWEEN | GRID_KEPT))},         \
         .history = (parts_)&GRID_BETWEEN ? GRID_HISTORY : !!((parts_)&GRID_KEPT),                  \
         .ahead = (parts_)&GRID_BETWEEN ? GRID_AHEAD : 0,                                           \

@@ -270,7 +270,7 @@ static void check_knob(struct stage *stage, struct technique *reference,
                        struct technique *technique)
 {
     const struct technique_knob *knob = &technique->ops->knob;
-    if (knob->least == knob->most || technique->ops->history > 1) /* another's, at more cost */
+    if (knob->least == knob->most || technique->ops->history > 0) /* another's, at more cost */
         return;
     const double coarse_to_fine[3] = {knob->more_is_finer ? knob->least : knob->most, knob->usual,
                                       knob->more_is_finer ? knob->most : knob->least};
