@@ -45,7 +45,7 @@ static int show(struct stage *stage, struct technique *technique, int second,
     int r = stage_go(stage, second * ns_from_seconds(1.0), true, &view);
     if (r < 0)
         return r;
-    technique_show(technique, &stage->params, stage->renderer, &view, stage->timer);
+    technique_show(technique, &stage->params, stage->renderer, &view, NULL, stage->timer);
     if (!tally)
         return 0;
     struct technique_cost cost = technique_timer_cost(stage->timer);
@@ -67,12 +67,12 @@ static int judge(struct stage *stage, struct technique *technique, int second, s
     int r = stage_go(stage, second * ns_from_seconds(1.0), true, &view);
     if (r < 0)
         return r;
-    technique_show(stage->truth, &stage->params, stage->renderer, &view, NULL);
+    technique_show(stage->truth, &stage->params, stage->renderer, &view, NULL, NULL);
     r = quality_keep(stage->quality, stage->renderer);
     if (r < 0)
         return r;
     quality_ask(stage->quality);
-    technique_show(technique, &stage->params, stage->renderer, &view, NULL);
+    technique_show(technique, &stage->params, stage->renderer, &view, NULL, NULL);
     return quality_judge(stage->quality, stage->renderer, &view, &tally->error_px, NULL);
 }
 

@@ -52,7 +52,7 @@ static int keep_truth(struct stage *stage, nsec_t time_ns, struct view *ret_view
     int r = stage_go(stage, time_ns, true, ret_view);
     if (r < 0)
         return r;
-    technique_show(stage->truth, &stage->params, stage->renderer, ret_view, NULL);
+    technique_show(stage->truth, &stage->params, stage->renderer, ret_view, NULL, NULL);
     return quality_keep(stage->quality, stage->renderer);
 }
 
@@ -183,8 +183,9 @@ static int fly_round(struct stage *stage, const struct flights_params *params, s
 {
     struct technique_cost cost;
     entry_tune(flown->entry, flown->setting);
+    stage->step_ns = params->step_ns;
     for (int i = -WARM_FRAMES; i < params->frames; i++) {
-        int r = fly_frame(stage, flown, i < 0 ? 0 : i * params->step_ns, &cost);
+        int r = fly_frame(stage, flown, i * params->step_ns, &cost);
         if (r < 0)
             return r;
         if (i < 0)

@@ -194,6 +194,13 @@ static void write_comparison(FILE *file, const struct technique_report *report,
     write_time_plot(file, report, which);
 }
 
+/* Whether its picture is made of triangles of that frame alone. */
+static bool has_edges(const struct flown *flown)
+{
+    const struct technique_ops *ops = flown->entry->ops;
+    return !ops || ops->claim.from_anywhere;
+}
+
 static void write_pictures(FILE *file, const struct technique_report *report)
 {
     for (int i = 0; i < report->flown_count[EQUAL_ERROR]; i++) {
@@ -203,11 +210,14 @@ static void write_pictures(FILE *file, const struct technique_report *report)
                 "<h2>%s at its worst: %.2f dB, at %.2f s</h2>\n"
                 "<figure><img src=\"%s.png\"><figcaption>the picture</figcaption></figure>\n"
                 "<figure><img src=\"%s-difference.png\"><figcaption>its difference from full "
-                "detail, times %g</figcaption></figure>\n"
-                "<figure><img src=\"%s-edges.png\"><figcaption>its "
-                "triangles</figcaption></figure>\n",
+                "detail, times %g</figcaption></figure>\n",
                 name, flown->worst_db, seconds_from_ns(flown->worst_ns), name, name,
-                DIFFERENCE_GAIN, name);
+                DIFFERENCE_GAIN);
+        if (has_edges(flown))
+            fprintf(file,
+                    "<figure><img src=\"%s-edges.png\"><figcaption>its "
+                    "triangles</figcaption></figure>\n",
+                    name);
     }
 }
 
@@ -273,7 +283,7 @@ static int write_worst(struct technique_report *report, struct stage *stage, con
     int r = write_picture(report, directory, name, "", pictures.ours, diag);
     if (r == 0)
         r = write_picture(report, directory, name, "-difference", pictures.difference, diag);
-    if (r < 0)
+    if (r < 0 || !has_edges(flown))
         return r;
     technique_show_edges(flown->entry->technique, &stage->params, stage->renderer, &view);
     if (quality_against_kept(stage->quality, stage->renderer, &difference) < 0)

@@ -220,7 +220,7 @@ double stage_spacing_m(const struct stage *stage)
     return EARTH_M * clipmap_step_rad(&stage->field->shape, 0);
 }
 
-void stage_aim(struct stage *stage, nsec_t time_ns, bool complete, struct view *ret_view)
+static void view_at(const struct stage *stage, nsec_t time_ns, struct view *ret_view)
 {
     struct pose pose;
     flight_sample(stage->flight, time_ns, &pose);
@@ -229,6 +229,17 @@ void stage_aim(struct stage *stage, nsec_t time_ns, bool complete, struct view *
     ret_view->visibility_m = stage->visibility_m;
     sun_direction_enu(stage->utc_ns + time_ns, ret_view->eye.lat_deg, ret_view->eye.lon_deg,
                       ret_view->sun_enu);
+}
+
+void stage_look_ahead(const struct stage *stage, unsigned frames, struct view *ret_view)
+{
+    view_at(stage, stage->time_ns + (nsec_t)frames * stage->step_ns, ret_view);
+}
+
+void stage_aim(struct stage *stage, nsec_t time_ns, bool complete, struct view *ret_view)
+{
+    stage->time_ns = time_ns;
+    view_at(stage, time_ns, ret_view);
     renderer_wish(stage->renderer, &ret_view->eye, complete);
     if (complete)
         renderer_wait(stage->renderer);

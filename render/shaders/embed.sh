@@ -14,7 +14,8 @@ shared_of()
     mesh.* | raster*) cat "$folder/common.glsl" "$folder/raster.glsl" ;;
     reach.* | select.*) cat "$folder/common.glsl" "$folder/blocks.glsl" ;;
     technique_persistent_grid*)
-        cat "$folder/common.glsl" "$folder/field.glsl" "$folder/technique_persistent_grid.glsl" ;;
+        cat "$folder/common.glsl" "$folder/field.glsl" "$folder/technique_persistent_grid.glsl" \
+            "$folder/technique_persistent_grid_depth.glsl" ;;
     technique_rag*) cat "$folder/common.glsl" "$folder/field.glsl" "$folder/technique_rag.glsl" ;;
     technique_*) cat "$folder/common.glsl" "$folder/field.glsl" ;;
     *) cat "$folder/common.glsl" ;;
