@@ -132,6 +132,15 @@ void channel_destroy(struct channel *channel)
     free(channel);
 }
 
+/* Depth is as good with any: what lies farther than asked is no gain, and cuts into the ground. But
+ * that of parallel rays is what is asked for. */
+static double near_of(const struct channel_geometry *geometry)
+{
+    if (geometry->parallel)
+        return geometry->near_m;
+    return geometry->near_m > 0.0 ? fmin(fmax(geometry->near_m, NEAR_LEAST_M), NEAR_M) : NEAR_M;
+}
+
 /* The view from a pose; from the last one that had a place where this one has none. */
 static void view_from(struct channel *channel, const struct pose *pose, struct view *ret_view)
 {
@@ -140,6 +149,8 @@ static void view_from(struct channel *channel, const struct pose *pose, struct v
         channel->last = *ret_view;
     else
         *ret_view = channel->last;
+    ret_view->near_m = near_of(&channel->geometry);
+    renderer_slide(channel->renderer, ret_view);
 }
 
 /* Lets the loader work on the next frame's terrain: while the GPU draws this one, or, where the
@@ -153,12 +164,6 @@ static void expect(struct channel *channel, const struct pose *next, bool comple
     renderer_wish(channel->renderer, &ahead.eye, complete);
 }
 
-/* Depth is as good with any: what lies farther than asked is no gain, and cuts into the ground. */
-static double near_of(const struct channel_geometry *geometry)
-{
-    return geometry->near_m > 0.0 ? fmin(fmax(geometry->near_m, NEAR_LEAST_M), NEAR_M) : NEAR_M;
-}
-
 void channel_draw(struct channel *channel, const struct pose *pose, const struct pose *next,
                   nsec_t utc_ns, bool complete, struct channel_frame *ret_frame)
 {
@@ -168,7 +173,6 @@ void channel_draw(struct channel *channel, const struct pose *pose, const struct
     if (complete)
         renderer_wait(channel->renderer);
     nsec_t start_ns = clock_monotonic_ns(), start_cpu_ns = clock_thread_cpu_ns();
-    view.near_m = near_of(&channel->geometry);
     view.visibility_m = channel->clear_air ? INFINITY : channel->visibility_m;
     sun_direction_enu(utc_ns, view.eye.lat_deg, view.eye.lon_deg, view.sun_enu);
     renderer_draw(channel->renderer, &view);

@@ -20,7 +20,7 @@ static void use_view(struct cigi_lead *lead, const struct cigi_view *view,
                      struct channel_geometry *ret_geometry)
 {
     const struct cigi_view_definition *d = &view->definition;
-    struct diag diag = {"orthographic views are not drawn"};
+    struct diag diag = {""};
     const struct channel_geometry geometry = {
         .offset_m = {view->offset_m[0], view->offset_m[1], view->offset_m[2]},
         .yaw_deg = view->attitude.heading_deg,
@@ -30,12 +30,17 @@ static void use_view(struct cigi_lead *lead, const struct cigi_view *view,
         .right_deg = (double)d->right,
         .bottom_deg = (double)d->bottom,
         .top_deg = (double)d->top,
+        .parallel = d->orthographic,
+        .left_m = (double)d->left,
+        .right_m = (double)d->right,
+        .bottom_m = (double)d->bottom,
+        .top_m = (double)d->top,
         .mirror_x = d->mirror & CIGI_MIRROR_HORIZONTAL,
         .mirror_y = d->mirror & CIGI_MIRROR_VERTICAL,
         .near_m = (double)d->near_m,
         .far_m = (double)d->far_m,
     };
-    if (!d->orthographic && channel_geometry_check(&geometry, &diag) == 0) {
+    if (channel_geometry_check(&geometry, &diag) == 0) {
         *ret_geometry = geometry;
         return;
     }

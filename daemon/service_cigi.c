@@ -97,15 +97,16 @@ static void tell_counters(const struct cigi_source *cigi, const char *when)
     const struct log_about source = about(cigi);
     char reasons[256];
     reject_list(c->rejected, reasons, sizeof(reasons));
-    log_write(
-        NULL, LOG_LEVEL_INFO, &source,
-        "source %s%s: CIGI %u.%u, %llu messages, %llu packets used, %llu ignored, %llu "
-        "skipped, %llu unknown, %llu messages lost, %llu requests, %llu responses; refused: %s",
-        config_of(cigi)->name, when, link->format.major, link->format.minor,
-        (unsigned long long)c->messages, (unsigned long long)c->packets,
-        (unsigned long long)c->packets_ignored, (unsigned long long)c->skipped,
-        (unsigned long long)c->unknown, (unsigned long long)c->lost,
-        (unsigned long long)c->requests, (unsigned long long)c->responses, reasons);
+    log_write(NULL, LOG_LEVEL_INFO, &source,
+              "source %s%s: CIGI %u.%u, %llu messages, %llu packets used, %llu ignored, %llu "
+              "skipped, %llu unknown, %llu messages lost, %llu behind, %llu requests, %llu "
+              "responses; refused: %s",
+              config_of(cigi)->name, when, link->format.major, link->format.minor,
+              (unsigned long long)c->messages, (unsigned long long)c->packets,
+              (unsigned long long)c->packets_ignored, (unsigned long long)c->skipped,
+              (unsigned long long)c->unknown, (unsigned long long)c->lost,
+              (unsigned long long)c->behind, (unsigned long long)c->requests,
+              (unsigned long long)c->responses, reasons);
 }
 
 const struct cigi_ground *service_ground(const struct service *service)
@@ -224,6 +225,14 @@ static void load_database(struct cigi_source *cigi)
     cigi_session_database_loaded(cigi->session, wanted, there);
 }
 
+/* Whether the frame that waits has its message. Channels in step hear what one of them is answered,
+ * and go by the host's frame numbers. */
+static bool starts_frame(const struct cigi_source *cigi)
+{
+    return cigi_session_link(cigi->session)->answers ||
+           cigi->slot->service->config.swap_lock.group[0];
+}
+
 /* The frame that is drawn next: in asynchronous operation the one that begins does not wait. */
 static nsec_t next_frame_ns(const struct cigi_source *cigi)
 {
@@ -256,7 +265,8 @@ int cigi_source_message(struct cigi_source *cigi, const void *data, size_t size,
         lead(cigi);
         cigi_lead_traffic(&cigi->lead, receive_ns, valid_ns, next_frame_ns(cigi));
         service_publish(service);
-        render_thread_go(service->render);
+        if (starts_frame(cigi))
+            render_thread_go(service->render);
     }
     return r == CIGI_PARTLY ? -EBADMSG : 0;
 }

@@ -11,6 +11,7 @@
 #define SAY_AGAIN_NS   NSEC_PER_SEC /* the same reason */
 #define LATE_FRAMES    64           /* older than this: the host began anew */
 #define JUMP_FRAMES    4096
+#define BEHIND_FRAMES  60 /* for so long a host that is behind is expected to catch up */
 #define NOT_AVAILABLE  (-128)
 #define DATABASE_MOST  127
 #define FAULTS_A_GROUP 40
@@ -29,6 +30,8 @@ struct cigi_session {
     struct database database;
     uint8_t status;
     uint16_t condition;
+    bool in_step;       /* the host has answered the frame that we had sent last */
+    unsigned behind;    /* messages since it did */
     uint32_t timestamp; /* the host's last */
     nsec_t start_ns;    /* our time stamps count from here */
     bool started;
@@ -151,6 +154,21 @@ static int take_frame_number(struct cigi_link *link, const struct cigi_format *f
     return 0;
 }
 
+/* Which of our frames a message answers. Hosts that tell none, or are always some frames behind,
+ * are taken as they are: what they say counts when it comes. Our first frame has the number that
+ * such hosts send. */
+static void take_answer(struct cigi_session *session, uint32_t answered)
+{
+    struct cigi_link *link = &session->link;
+    bool current = answered == link->ig_frame - 1;
+    link->ig_frame_seen = answered;
+    session->behind = current ? 0 : session->behind + 1;
+    session->in_step =
+        (current && answered != 0) || (session->in_step && session->behind <= BEHIND_FRAMES);
+    link->answers = current || !session->in_step;
+    link->counters.behind += !link->answers;
+}
+
 static void take_timestamp(struct cigi_session *session, const struct cigi_ig_control *control)
 {
     struct cigi_link *link = &session->link;
@@ -227,7 +245,7 @@ static int take_control(struct cigi_session *session, const struct cigi_reader *
     link->heard = true;
     link->format = reader->format;
     link->host_frame = control->host_frame;
-    link->ig_frame_seen = has_host_frames(&link->format) ? control->ig_frame : control->host_frame;
+    take_answer(session, has_host_frames(&link->format) ? control->ig_frame : control->host_frame);
     link->receive_ns = receive_ns;
     int r = take_mode(session, control->mode, ret_rejection);
     if (r < 0 || link->mode == CIGI_STANDBY)

@@ -10,8 +10,9 @@
  *   questions                        cigi_session_questions(), and for each, then or in a later
  *                                    frame, cigi_session_answer()
  *   when it happens                  cigi_session_set_status(), cigi_session_database_loaded()
- * In synchronous operation the message is sent on the display's tick and the host answers it; in
- * asynchronous operation the host sends as it likes. The session is the same.
+ * In synchronous operation the message is sent on the display's tick and the host answers it
+ * (cigi_link.answers); in asynchronous operation the host sends as it likes. The session is the
+ * same.
  *
  * Nothing here allocates after cigi_session_create(). docs/cigi.md says what is done with each
  * field. Sources: CIGI 3.3 ICD; SISO-STD-013-2014. */
@@ -42,6 +43,7 @@ struct cigi_counters {
     uint64_t skipped, unknown;  /* packets of the standard that otwd does not use; others */
     uint64_t rejected[REJECT_REASONS];
     uint64_t lost, restarts; /* by the host's frame numbers */
+    uint64_t behind;         /* messages that answer an older frame of ours, or none */
     uint64_t requests, responses;
 };
 
@@ -53,9 +55,12 @@ struct cigi_link {
     uint32_t host_frame;    /* the last, as it counts; wraps */
     uint32_t ig_frame;      /* of the next message; wraps */
     uint32_t ig_frame_seen; /* the last of ours that the host had seen when it spoke; wraps */
-    bool timestamp_valid;   /* host_ns is the host's clock */
-    nsec_t host_ns;         /* its time stamps, carried on over their wrap; from its first */
-    nsec_t receive_ns;      /* of the last message */
+    /* The last message answers our last Start of Frame, by its frame number; or the host is one
+     * that does not go by these. */
+    bool answers;
+    bool timestamp_valid; /* host_ns is the host's clock */
+    nsec_t host_ns;       /* its time stamps, carried on over their wrap; from its first */
+    nsec_t receive_ns;    /* of the last message */
     struct cigi_counters counters;
 };
 

@@ -9,8 +9,6 @@ void geo_pixels_from_depth(const struct view *view, const float *depth, int widt
                            double *ret_lat_lon_height)
 {
     for (int row = 0; row < height; row++) {
-        double y = view->tan_bottom +
-                   (view->tan_top - view->tan_bottom) * (height - 1 - row + 0.5) / height;
         const float *line = depth + (size_t)(height - 1 - row) * (size_t)width;
         double *out = ret_lat_lon_height + (size_t)row * (size_t)width * 3;
         for (int col = 0; col < width; col++, out += 3) {
@@ -18,14 +16,10 @@ void geo_pixels_from_depth(const struct view *view, const float *depth, int widt
                 out[0] = out[1] = out[2] = NAN;
                 continue;
             }
-            double x = view->tan_left + (view->tan_right - view->tan_left) * (col + 0.5) / width;
-            double along = view->near_m / line[col];
-            const double eye[3] = {x * along, y * along, -along};
-            double enu[3];
-            for (int i = 0; i < 3; i++)
-                enu[i] = view->enu_from_eye[i][0] * eye[0] + view->enu_from_eye[i][1] * eye[1] +
-                         view->enu_from_eye[i][2] * eye[2];
+            const double px[2] = {col + 0.5, height - 1 - row + 0.5};
             struct geodetic place;
+            double enu[3];
+            view_unproject(view, width, height, px, (double)line[col], enu);
             geodetic_from_enu(&view->eye, enu, &place);
             out[0] = place.lat_deg;
             out[1] = place.lon_deg;

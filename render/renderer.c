@@ -39,6 +39,11 @@ static int finest_wanted(const struct renderer *renderer, const struct geodetic 
                                 renderer->has_ground ? renderer->ground.nearest_m : eye->height_m);
 }
 
+void renderer_slide(const struct renderer *renderer, struct view *view)
+{
+    view_slide(view, renderer->has_ground ? (double)renderer->ground.ground_m : 0.0);
+}
+
 void renderer_set_pixel_error(struct renderer *renderer, double pixel_error)
 {
     renderer->pixel_error = pixel_error;
@@ -121,19 +126,24 @@ static bool is_complete(const struct renderer *renderer, const struct geodetic *
     return image_pass_complete(renderer->images, eye, height_above_ground_m(renderer, eye));
 }
 
-/* How finely a view is drawn. The least angle of a pixel is that of one in a corner. */
+/* How finely a view is drawn. The least angle of a pixel is that of one in a corner; where rays are
+ * parallel all pixels are as large, and what is in a corner is the farthest from the eye. */
 static struct scene_detail detail_of(struct renderer *renderer, const struct view *view)
 {
     double x = fmax(fabs(view->tan_left), fabs(view->tan_right));
     double y = fmax(fabs(view->tan_bottom), fabs(view->tan_top));
     double pixel_rad = fabs(view->tan_right - view->tan_left) / renderer->width;
+    double corner = 1.0 + x * x + y * y, least_rad = pixel_rad, tolerance_rad = pixel_rad;
+    if (view->parallel_m > 0.0)
+        least_rad /= sqrt(corner);
+    else
+        tolerance_rad /= corner;
     double most = fmin(renderer->shape.radius, renderer->posts_most);
-    double posts = fmin(detail_posts(pixel_rad, renderer->pixel_error), most);
+    double posts = fmin(detail_posts(least_rad, renderer->pixel_error), most);
     posts = fmax(posts, BLOCKS_LEAST * renderer->shape.block);
-    renderer->frame.pixel_error = detail_pixel_error(pixel_rad, posts);
+    renderer->frame.pixel_error = detail_pixel_error(least_rad, posts);
     return (struct scene_detail){.pixel_rad = pixel_rad,
-                                 .tolerance_rad =
-                                     renderer->pixel_error * pixel_rad / (1.0 + x * x + y * y),
+                                 .tolerance_rad = renderer->pixel_error * tolerance_rad,
                                  .share = posts / renderer->shape.radius};
 }
 
@@ -164,7 +174,8 @@ static bool prepare_frame(struct renderer *renderer, struct view *view)
 {
     renderer->frame.upload_bytes = apply_updates(renderer);
     renderer->frame.complete = is_complete(renderer, &view->eye);
-    renderer->frame.height_above_terrain_m = height_above_ground_m(renderer, &view->eye);
+    renderer->frame.height_above_terrain_m =
+        height_above_ground_m(renderer, &view->eye) + view->air_rise_m;
     lift_eye(renderer, view);
     view->undulation_m = (double)renderer->ground.undulation_m;
     renderer->frame.undulation_m = view->undulation_m;

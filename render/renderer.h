@@ -71,6 +71,10 @@ void renderer_set_pixel_error(struct renderer *renderer, double pixel_error);
  * short. */
 int renderer_radius(const struct renderer *renderer);
 
+/* Takes the eye of parallel rays to the ground that is known (view_slide), before it is wished for
+ * and drawn. */
+void renderer_slide(const struct renderer *renderer, struct view *view);
+
 /* Tells the loader where the eye will be. May be called ahead of the frame. `patient`: terrain is
  * awaited rather than shown coarser while it is read. */
 void renderer_wish(struct renderer *renderer, const struct geodetic *eye, bool patient);

@@ -13,19 +13,52 @@
 #define SCALE_HEIGHT_M 7000.0 /* over which the air's haze thins by e */
 #define LOWEST_M       -500.0 /* of any land, above the ellipsoid: select.comp */
 #define HIGHEST_M      9000.0
+#define SHARPNESS      1e3    /* of parallel rays: the reach at twice the tolerance; a chord */
+#define EDGE           0.05   /* as in shade.glsl */
 #define LEAST_RADIUS_M 6.33e6 /* of curvature */
 #define EVERYWHERE     8.0f   /* longer than any chord */
 
-/* Reversed depth with the far plane at infinity: near -> 1, infinity -> 0. */
+/* Reversed depth with the far plane at infinity: near -> 1, infinity -> 0. For parallel rays, on
+ * whose way depth is linear, near -> 1, far -> 0. */
+static void set_depth(const struct view *view, struct scene_block *scene)
+{
+    scene->along[0] = scene->grid[3] = (float)view->near_m;
+    scene->along[1] = scene->along[2] = 0.0f;
+    scene->along[3] = 1.0f;
+    scene->accuracy[1] = view->far_m > 0.0 ? (float)(view->near_m / view->far_m) : 0.0f;
+    scene->parallel[2] = 0.0f;
+    if (view->parallel_m > 0.0) {
+        scene->along[0] = (float)view->far_m;
+        scene->along[1] = (float)(view->near_m - view->far_m);
+        scene->along[2] = scene->grid[3] = 1.0f;
+        scene->along[3] = scene->accuracy[1] = 0.0f;
+        scene->parallel[2] = (float)(EDGE * view->parallel_m / (view->far_m - view->near_m));
+    }
+    scene->accuracy[2] = (float)view_horizon_m(view);
+    scene->parallel[0] = (float)view->air_m;
+    scene->parallel[1] = (float)view->air_rise_m;
+    scene->parallel[3] = (float)view->parallel_m;
+}
+
 static void set_projection(const struct view *view, struct scene_block *scene)
 {
     double width = view->tan_right - view->tan_left, height = view->tan_top - view->tan_bottom;
-    double clip_from_eye[4][4] = {
-        {2.0 / width, 0.0, (view->tan_right + view->tan_left) / width, 0.0},
-        {0.0, 2.0 / height, (view->tan_top + view->tan_bottom) / height, 0.0},
+    double aside = (view->tan_right + view->tan_left) / width;
+    double above = (view->tan_top + view->tan_bottom) / height;
+    double far_m = view->far_m, range_m = far_m - view->near_m, scale_m = view->parallel_m;
+    const double meeting[4][4] = {
+        {2.0 / width, 0.0, aside, 0.0},
+        {0.0, 2.0 / height, above, 0.0},
         {0.0, 0.0, 0.0, view->near_m},
         {0.0, 0.0, -1.0, 0.0},
     };
+    const double parallel[4][4] = {
+        {2.0 / (width * scale_m), 0.0, 0.0, -aside},
+        {0.0, 2.0 / (height * scale_m), 0.0, -above},
+        {0.0, 0.0, 1.0 / range_m, far_m / range_m},
+        {0.0, 0.0, 0.0, 1.0},
+    };
+    const double(*clip_from_eye)[4] = scale_m > 0.0 ? parallel : meeting;
     for (int row = 0; row < 4; row++) {
         for (int col = 0; col < 3; col++) {
             double sum = 0.0;
@@ -37,30 +70,29 @@ static void set_projection(const struct view *view, struct scene_block *scene)
     }
 }
 
-/* The inward unit normals of the frustum's four sides, in ENU. */
+/* The inward unit normals of the frustum's four sides, in ENU, and how far inside the eye is. */
 static void set_planes(const struct view *view, struct scene_block *scene)
 {
-    const double normals[4][3] = {
-        {1.0, 0.0, fmin(view->tan_left, view->tan_right)},
-        {-1.0, 0.0, -fmax(view->tan_left, view->tan_right)},
-        {0.0, 1.0, fmin(view->tan_bottom, view->tan_top)},
-        {0.0, -1.0, -fmax(view->tan_bottom, view->tan_top)},
-    };
+    const double tangents[4] = {
+        fmin(view->tan_left, view->tan_right), -fmax(view->tan_left, view->tan_right),
+        fmin(view->tan_bottom, view->tan_top), -fmax(view->tan_bottom, view->tan_top)};
     for (int p = 0; p < 4; p++) {
-        const double *n = normals[p];
+        double sign = p & 1 ? -1.0 : 1.0, along = view->parallel_m > 0.0 ? 0.0 : tangents[p];
+        const double n[3] = {p < 2 ? sign : 0.0, p < 2 ? 0.0 : sign, along};
         double length = sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
         for (int i = 0; i < 3; i++) {
             const double *axis = view->enu_from_eye[i];
             scene->planes[p][i] =
                 (float)((axis[0] * n[0] + axis[1] * n[1] + axis[2] * n[2]) / length);
         }
-        scene->planes[p][3] = 0.0f;
+        scene->planes[p][3] = (float)(-tangents[p] * view->parallel_m);
     }
 }
 
 void scene_set_view(const struct view *view, struct scene_block *ret_scene)
 {
     struct scene_block *scene = ret_scene;
+    set_depth(view, scene);
     set_projection(view, scene);
     set_planes(view, scene);
     double lat = view->eye.lat_deg * DEGREE;
@@ -81,15 +113,14 @@ void scene_set_view(const struct view *view, struct scene_block *ret_scene)
         scene->sun[i] = (float)view->sun_enu[i];
     double up = view->sun_enu[2];
     scene->sun[3] = (float)fmin(fmax((up + 0.02) / 0.12, 0.0), 1.0);
-    scene->haze[0] = (float)(CONTRAST_LN / view->visibility_m * exp(-altitude_m / SCALE_HEIGHT_M));
+    scene->haze[0] = (float)(CONTRAST_LN / view->visibility_m *
+                             exp(-(altitude_m + view->air_rise_m) / SCALE_HEIGHT_M));
     scene->haze[1] = (float)(1.0 / SCALE_HEIGHT_M);
     scene->haze[2] = (float)altitude_m;
     scene->haze[3] = (float)(0.015 + 0.985 * fmin(fmax((up + 0.12) / 0.32, 0.0), 1.0));
     const double rays[4] = {view->tan_left, view->tan_bottom, view->tan_right, view->tan_top};
     for (int i = 0; i < 4; i++)
         scene->view_rays[i] = (float)rays[i];
-    scene->grid[3] = (float)view->near_m;
-    scene->accuracy[1] = view->far_m > 0.0 ? (float)(view->near_m / view->far_m) : 0.0f;
     for (int col = 0; col < 4; col++)
         for (int row = 0; row < 4; row++)
             scene->enu_from_eye[4 * col + row] =
@@ -138,11 +169,10 @@ static void set_edges(struct scene_block *scene)
 }
 
 /* The farthest land that can be seen (a chord), on either side of the horizon. */
-static double farthest_in_sight(double height_m)
+static double farthest_in_sight(const struct view *view)
 {
-    double above_m = fmax(height_m, 0.0) - LOWEST_M, peak_m = HIGHEST_M - LOWEST_M;
-    return (sqrt(above_m * (2.0 * WGS84_A + above_m)) + sqrt(peak_m * (2.0 * WGS84_A + peak_m))) /
-           LEAST_RADIUS_M;
+    double peak_m = HIGHEST_M - LOWEST_M;
+    return (view_horizon_m(view) + sqrt(peak_m * (2.0 * WGS84_A + peak_m))) / LEAST_RADIUS_M;
 }
 
 /* How far the levels are drawn about the eye; chords. */
@@ -248,7 +278,7 @@ int scene_set_levels(const struct view *view, const struct clipmap_shape *shape,
     struct extent extent = {.shape = shape,
                             .levels = levels,
                             .nearest = fmax(nearest_m, 0.0) / WGS84_A,
-                            .farthest = farthest_in_sight(view->eye.height_m)};
+                            .farthest = farthest_in_sight(view)};
     normal = extent.normal;
     cube_normal_from_geodetic(view->eye.lat_deg, view->eye.lon_deg, normal);
     scene_set_panes(view, shape, scene);
@@ -262,6 +292,11 @@ int scene_set_levels(const struct view *view, const struct clipmap_shape *shape,
     scene->grid[1] = (float)extent.nearest;
     scene->grid[2] = (float)(detail->pixel_rad / (step_rad * WGS84_A));
     scene->accuracy[0] = (float)(1.0 / (detail->tolerance_rad * WGS84_A));
+    scene->accuracy[3] = 0.0f;
+    if (view->parallel_m > 0.0) { /* whatever the distance */
+        scene->accuracy[0] = (float)(SHARPNESS / (detail->tolerance_rad * view->parallel_m));
+        scene->accuracy[3] = (float)SHARPNESS;
+    }
     set_levels(&extent, scene);
     return set_candidates(&extent, scene);
 }

@@ -6,6 +6,7 @@
 
 #include "geo/frames.h"
 #include "geo/geographic.h"
+#include "render/view_parallel.h"
 
 static bool are_finite(const double *values, size_t count)
 {
@@ -22,12 +23,31 @@ static bool is_angle_of_view(double from_deg, double to_deg)
            to_deg - from_deg >= VIEW_NARROWEST_DEG;
 }
 
+static bool is_width(double from_m, double to_m)
+{
+    return from_m >= -VIEW_EDGE_MOST_M && to_m <= VIEW_EDGE_MOST_M &&
+           to_m - from_m >= VIEW_NARROWEST_M;
+}
+
+static int check_parallel(const struct channel_geometry *g, struct diag *diag)
+{
+    if (is_width(g->left_m, g->right_m) && is_width(g->bottom_m, g->top_m))
+        return 0;
+    return diag_set(diag, -EINVAL,
+                    "a picture from %g to %g and %g to %g m cannot be drawn; edges lie between "
+                    "-%g and %g km and are at least %g m apart",
+                    g->left_m, g->right_m, g->bottom_m, g->top_m, VIEW_EDGE_MOST_M * 1e-3,
+                    VIEW_EDGE_MOST_M * 1e-3, VIEW_NARROWEST_M);
+}
+
 int channel_geometry_check(const struct channel_geometry *geometry, struct diag *diag)
 {
     const struct channel_geometry *g = geometry;
     const double direction_deg[] = {g->yaw_deg, g->pitch_deg, g->roll_deg};
     if (!are_finite(g->offset_m, 3) || !are_finite(direction_deg, 3))
         return diag_set(diag, -EINVAL, "the place of the eye in the aircraft is not finite");
+    if (g->parallel)
+        return check_parallel(g, diag);
     if (!is_angle_of_view(g->left_deg, g->right_deg) ||
         !is_angle_of_view(g->bottom_deg, g->top_deg))
         return diag_set(diag, -EINVAL,
@@ -82,17 +102,27 @@ void view_from_pose(const struct pose *pose, const struct channel_geometry *geom
         view.enu_from_eye[i][1] = -enu_sign[i] * row[2];
         view.enu_from_eye[i][2] = -enu_sign[i] * row[0];
     }
-    view.tan_left = tan(geometry->left_deg * M_PI / 180.0);
-    view.tan_right = tan(geometry->right_deg * M_PI / 180.0);
-    view.tan_bottom = tan(geometry->bottom_deg * M_PI / 180.0);
-    view.tan_top = tan(geometry->top_deg * M_PI / 180.0);
+    if (!isnan(view.eye.height_m))
+        view.eye.height_m = fmin(fmax(view.eye.height_m, VIEW_LOWEST_M), VIEW_HIGHEST_M);
+    if (geometry->parallel) {
+        view_set_parallel(&view, geometry);
+    } else {
+        view.tan_left = tan(geometry->left_deg * M_PI / 180.0);
+        view.tan_right = tan(geometry->right_deg * M_PI / 180.0);
+        view.tan_bottom = tan(geometry->bottom_deg * M_PI / 180.0);
+        view.tan_top = tan(geometry->top_deg * M_PI / 180.0);
+    }
     if (geometry->mirror_x)
         swap(&view.tan_left, &view.tan_right);
     if (geometry->mirror_y)
         swap(&view.tan_bottom, &view.tan_top);
-    if (!isnan(view.eye.height_m))
-        view.eye.height_m = fmin(fmax(view.eye.height_m, VIEW_LOWEST_M), VIEW_HIGHEST_M);
     *ret_view = view;
+}
+
+/* What a tangent of 1 is, so far along the view. */
+static double scale_m(const struct view *view, double along_m)
+{
+    return view->parallel_m > 0.0 ? view->parallel_m : along_m;
 }
 
 bool view_project(const struct view *view, int width, int height, const double enu_m[3],
@@ -103,9 +133,9 @@ bool view_project(const struct view *view, int width, int height, const double e
     double along_m = -eye_m[2];
     if (along_m < view->near_m)
         return false;
-    ret_px[0] = (eye_m[0] / along_m - view->tan_left) / (view->tan_right - view->tan_left) * width;
-    ret_px[1] =
-        (eye_m[1] / along_m - view->tan_bottom) / (view->tan_top - view->tan_bottom) * height;
+    double x = eye_m[0] / scale_m(view, along_m), y = eye_m[1] / scale_m(view, along_m);
+    ret_px[0] = (x - view->tan_left) / (view->tan_right - view->tan_left) * width;
+    ret_px[1] = (y - view->tan_bottom) / (view->tan_top - view->tan_bottom) * height;
     *ret_along_m = along_m;
     return true;
 }
@@ -113,10 +143,11 @@ bool view_project(const struct view *view, int width, int height, const double e
 void view_unproject(const struct view *view, int width, int height, const double px[2],
                     double depth, double ret_enu_m[3])
 {
-    double along_m = view->near_m / depth;
+    double along_m = view->parallel_m > 0.0 ? view->far_m - depth * (view->far_m - view->near_m)
+                                            : view->near_m / depth;
     double x = view->tan_left + (view->tan_right - view->tan_left) * px[0] / width;
     double y = view->tan_bottom + (view->tan_top - view->tan_bottom) * px[1] / height;
-    const double eye_m[3] = {x * along_m, y * along_m, -along_m};
+    const double eye_m[3] = {x * scale_m(view, along_m), y * scale_m(view, along_m), -along_m};
     frames_rotate(view->enu_from_eye, eye_m, ret_enu_m);
 }
 
@@ -132,6 +163,8 @@ void view_lift(struct view *view, double ground_m)
 {
     double x = fmax(fabs(view->tan_left), fabs(view->tan_right));
     double y = fmax(fabs(view->tan_bottom), fabs(view->tan_top));
+    if (view->parallel_m > 0.0)
+        return;
     double corner_m = view->near_m * sqrt(1.0 + x * x + y * y);
     view->eye.height_m = fmax(view->eye.height_m, ground_m + corner_m);
 }

@@ -167,6 +167,26 @@ static void put_surroundings(const char *kind, struct cigi_writer *writer)
                                .view_definition = {.use = 4, .left = -89.0f}};
     sky.celestial = (struct cigi_celestial){
         .hour = 6, .minute = 30, .ephemeris = 1, .sun = 1, .date_valid = 1, .date = 6212025};
+    struct cigi_packet other = {.kind = CIGI_VIEW_DEFINITION,
+                                .view_definition = {.use = 0x3f,
+                                                    .near_m = 0.5f,
+                                                    .far_m = 1e6f,
+                                                    .left = -30.0f,
+                                                    .right = 30.0f,
+                                                    .top = 17.5f,
+                                                    .bottom = -17.5f}};
+    struct cigi_packet down = {.kind = CIGI_VIEW_CONTROL,
+                               .view_control = {.use = 0x10, .pitch_deg = -90.0f}};
+    if (strcmp(kind, "down") == 0)
+        cigi_write(writer, &down);
+    if (strcmp(kind, "perspective") == 0)
+        cigi_write(writer, &other);
+    if (strcmp(kind, "parallel") == 0) {
+        other.view_definition.orthographic = 1;
+        other.view_definition.left = other.view_definition.bottom = -3000.0f;
+        other.view_definition.right = other.view_definition.top = 3000.0f;
+        cigi_write(writer, &other);
+    }
     if (strcmp(kind, "air") == 0)
         cigi_write(writer, &air);
     if (strcmp(kind, "sky") == 0)

@@ -118,6 +118,53 @@ static void a_host_that_leads_has_the_view_the_air_and_the_sky(void)
     end();
 }
 
+/* IG Messages of the next message to a host. */
+static int say_parallel(int host, float right_m)
+{
+    static uint8_t data[CIGI_MESSAGE_MAX];
+    struct cigi_packet packet = {.kind = CIGI_VIEW_DEFINITION,
+                                 .view_definition = {.view = VIEW,
+                                                     .use = 0x3f,
+                                                     .mirror = CIGI_MIRROR_HORIZONTAL,
+                                                     .orthographic = 1,
+                                                     .near_m = 100.0f,
+                                                     .far_m = 9000.0f,
+                                                     .left = -2000.0f,
+                                                     .right = right_m,
+                                                     .top = 500.0f,
+                                                     .bottom = -700.0f}};
+    struct cigi_reader reader;
+    struct rejection why;
+    int messages = 0;
+    say(host, &packet);
+    cigi_lead_take(&leads[host]);
+    size_t size = cigi_session_message(leads[host].session, now_ns, data);
+    CHECK_INT(cigi_host_receive(&hosts[host], data, size, &reader, &why), 0);
+    for (int r; (r = cigi_read(&reader, &packet, &why)) != CIGI_END;)
+        messages += r == CIGI_PACKET && packet.kind == CIGI_MESSAGE;
+    return messages;
+}
+
+static void an_orthographic_view_is_the_hosts(void)
+{
+    begin();
+    cigi_lead_take(&leads[0]);
+    CHECK_INT(say_parallel(0, 3000.0f), 0);
+    const struct channel_geometry *geometry = &service.input.geometry;
+    CHECK(geometry->parallel && geometry->mirror_x && !geometry->mirror_y);
+    CHECK_NEAR(geometry->left_m, -2000.0, 0.0);
+    CHECK_NEAR(geometry->right_m, 3000.0, 0.0);
+    CHECK_NEAR(geometry->bottom_m, -700.0, 0.0);
+    CHECK_NEAR(geometry->top_m, 500.0, 0.0);
+    CHECK_NEAR(geometry->near_m, 100.0, 0.0);
+    CHECK_NEAR(geometry->far_m, 9000.0, 0.0);
+    CHECK_INT(say_parallel(0, 2e6f), 1); /* wider than can be drawn */
+    CHECK_NEAR(geometry->right_m, 3000.0, 0.0);
+    cigi_lead_drop(&leads[0]);
+    CHECK(!geometry->parallel);
+    end();
+}
+
 /* Whichever of the two is told first that the frame has begun. */
 static void a_host_that_takes_over_keeps_what_it_has(void)
 {
@@ -191,6 +238,7 @@ static void after_a_new_configuration_the_host_has_it_all_again(void)
 int main(void)
 {
     static const struct check_test tests[] = {
+        {"an orthographic view is the host's", an_orthographic_view_is_the_hosts},
         {"a host that leads has the view, the air and the sky",
          a_host_that_leads_has_the_view_the_air_and_the_sky},
         {"a host that takes over keeps what it has", a_host_that_takes_over_keeps_what_it_has},

@@ -231,19 +231,73 @@ static void test_10_000_frames(void)
     run_frames((struct cigi_format){4, 0, true}, 1000);
 }
 
+/* The host sends, with the number that it saw last, or one that is `less` below. */
+static bool answers(uint32_t less)
+{
+    talk.host.seen.ig_frame -= less;
+    pair_open();
+    talk.host.seen.ig_frame += less;
+    CHECK_INT(pair_send(), 0);
+    return pair_link()->answers;
+}
+
 /* Ours counts on over its end, too. */
 static void test_ig_frame_wraps(void)
 {
     pair_operate(little_3);
     struct cigi_link *link = (struct cigi_link *)(uintptr_t)pair_link();
+    pair_answer();
+    CHECK(answers(0));
     link->ig_frame = UINT32_MAX;
     talk.host.has_seen = false;
     for (int i = 0; i < 3; i++) {
-        pair_open();
-        pair_exchange(NULL);
+        pair_answer();
+        CHECK(answers(0));
     }
     CHECK_INT(talk.host.gaps, 0);
     CHECK_INT(talk.host.seen.ig_frame, 1);
+    pair_end();
+}
+
+static void test_which_message_answers(void)
+{
+    static const struct cigi_format formats[] = {
+        {3, 3, false}, {3, 3, true}, {3, 1, false}, {4, 0, false}};
+    for (size_t i = 0; i < sizeof(formats) / sizeof(formats[0]); i++) {
+        pair_operate(formats[i]);
+        uint64_t behind = pair_link()->counters.behind;
+        for (int frame = 0; frame < 3; frame++) {
+            CHECK(answers(0));
+            pair_answer();
+        }
+        CHECK(!answers(1)); /* late: our next frame has begun meanwhile */
+        CHECK(answers(0));
+        CHECK(answers(0));    /* twice */
+        CHECK(!answers(-1u)); /* a frame that there has not been */
+        CHECK(!answers(1000));
+        CHECK_INT(pair_link()->counters.behind, behind + 3);
+        int waited = 0;
+        for (pair_answer(); !answers(1); pair_answer())
+            waited++;
+        CHECK_INT(waited, 58); /* from then on it is one that is a frame behind */
+        pair_answer();
+        CHECK(answers(1));
+        CHECK(answers(0)); /* no more */
+        CHECK(!answers(1));
+        pair_end();
+    }
+}
+
+/* A host that fills in nothing, or always the same. */
+static void test_no_frame_is_answered(void)
+{
+    struct cigi_session_params params = {.one_database = true};
+    pair_start(&params, little_3);
+    for (int frame = 0; frame < 200; frame++) {
+        CHECK(answers(talk.host.seen.ig_frame - (frame < 100 ? 0 : 5)));
+        pair_answer();
+    }
+    CHECK_INT(pair_link()->counters.behind, 0);
     pair_end();
 }
 
@@ -500,6 +554,8 @@ int main(void)
         {"with one database the number is 0", test_own_database},
         {"10 000 frames in step, over the wraps of frames and time stamps", test_10_000_frames},
         {"our frame number wraps", test_ig_frame_wraps},
+        {"the message that answers a frame is the one that echoes it", test_which_message_answers},
+        {"hosts that echo no frame are taken as they are", test_no_frame_is_answered},
         {"messages out of order, lost ones, hosts that begin anew", test_disorder},
         {"a bad packet is counted by reason, told, and costs no other", test_bad_input},
         {"a reason is told once a second", test_told_once_a_second},

@@ -14,21 +14,28 @@ struct Pane {
 
 layout(std140, binding = 0) uniform Scene {
     mat4 clip_from_enu;   // of positions relative to the eye
-    vec4 planes[4];       // the frustum's sides through the eye, inward normals, enu
+    vec4 planes[4];       // the frustum's sides: inward normals, enu; how far inside of them the eye is, m
     vec4 eye_trig;        // sin and cos of the latitude; N0; height above the ellipsoid, m
     vec4 grid;            // x: half-posts of level 0 (rad); y: from the eye to the nearest ground, in
-                          // Earth's radii; z: posts of level 0 a pixel covers at 1 m; w: near, m
+                          // Earth's radii; z: posts of level 0 a pixel covers at 1 m; w: what clip
+                          // coordinates are divided by at the near plane: near, m; parallel rays: 1
     vec4 eye_rest;        // x: what the height lacks, for it is one float; y: 1 / where level 0 ends for
                           // shading; z: 1 / the share of a level that is blended; w: the eye's place
                           // along the poles' axis, m
-    vec4 accuracy;        // x: the distance (chord) from which an error of 1 m is within the tolerance;
-                          // y: the depth from which on nothing is seen, 0 without a limit
+    vec4 accuracy;        // x * error in m - w: the distance (chord) from which that is within the
+                          // tolerance; y: the depth from which on nothing is seen, 0 without a limit;
+                          // z: how far away the lowest land is seen, m
     vec4 way_back;        // for difference_from_enu: x: N0 + h0; y: 0.5 / x; z: N0 e2 / q^2; w: 1 / q, with
                           // q = (1 - e2) N0 + h0
     vec4 sun;             // enu direction; w: 1 above, 0 below the horizon (smooth)
     vec4 haze;            // x: extinction at the eye, 1/m; y: 1 / scale height; z: eye's altitude;
                           // w: time of day's ambient strength
     vec4 view_rays;       // tangents: left, bottom, right, top
+    vec4 along;           // depth d is (x + y d) / (z + w d) m along the view; w: 1 where rays meet in the
+                          // eye, 0 where they are parallel
+    vec4 parallel;        // of parallel rays, else 0: xy: how much farther, and how much higher, than from
+                          // the eye light has gone, m; z: a step of depth that is an edge; w: the
+                          // distance at which their distances from the view direction are tangents, m
     mat4 enu_from_eye;
     ivec4 sizes;          // y: half-posts along a face at level 0; zw: finest and coarsest level held
     Pane panes[PANES];
@@ -61,6 +68,23 @@ vec3 sky_colour(vec3 direction)
     return sky * scene.haze.w;
 }
 
+// A place on what is seen through a tangent is from + m along the view * along, relative to the eye.
+struct Ray {
+    vec3 from, along;
+};
+
+Ray ray_through(vec2 tangent)
+{
+    vec3 at = mat3(scene.enu_from_eye) * vec3(tangent, -1.0);
+    vec3 along = mix(-scene.enu_from_eye[2].xyz, at, scene.along.w);
+    return Ray(scene.parallel.w * (at - along), along);
+}
+
+float along_of(float depth)
+{
+    return (scene.along.x + scene.along.y * depth) / (scene.along.z + scene.along.w * depth);
+}
+
 // What falls on a surface that faces the sun, and on one from all of the sky.
 vec3 sun_light()
 {
@@ -73,10 +97,13 @@ vec3 sky_light()
     return vec3(0.26, 0.36, 0.54) * scene.haze.w;
 }
 
-// The share of light that the air lets through over `distance_m`, towards a point whose height
-// differs by `rise_m`: homogeneous in layers, thinning exponentially with height.
+// The share of light that the air lets through from a point that is `distance_m` from the eye (along the
+// view, if rays are parallel), and `rise_m` higher: homogeneous in layers, thinning exponentially with
+// height.
 float transmittance(float distance_m, float rise_m)
 {
+    distance_m = max(distance_m + scene.parallel.x, 0.0);
+    rise_m -= scene.parallel.y;
     float t = rise_m * scene.haze.y;
     float mean = abs(t) < 1e-3 ? 1.0 - 0.5 * t : (1.0 - exp(-t)) / t;
     return exp(-scene.haze.x * distance_m * mean);

@@ -25,14 +25,13 @@ float share_seen()
 void main()
 {
     float alpha = paint.a * share_seen();
-    if (alpha <= 0.0 || gl_FragCoord.z <= scene.accuracy.y || dot(normal, place) >= 0.0)
+    vec3 view = normalize(mix(-scene.enu_from_eye[2].xyz, place, scene.along.w));
+    if (alpha <= 0.0 || gl_FragCoord.z <= scene.accuracy.y || dot(normal, view) >= 0.0)
         discard;
-    float distance_m = length(place);
-    vec3 view = place / distance_m;
     vec4 there = difference_from_enu(place);
     vec3 up = vec3(there.xy, 1.0 + there.z);
     float lit = max(dot(normal, scene.sun.xyz), 0.0);
     vec3 radiance = paint.rgb * (sun_light() * lit + sky_light() * (0.55 + 0.45 * dot(normal, up)));
     vec3 air = sky_colour(vec3(view.xy, max(view.z, 0.0)));
-    colour = vec4(displayed(mix(air, radiance, transmittance(distance_m, there.w))), alpha);
+    colour = vec4(displayed(mix(air, radiance, transmittance(dot(place, view), there.w))), alpha);
 }

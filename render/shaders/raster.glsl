@@ -6,7 +6,7 @@ const int TILE = 32;         // pixels across of what a work group of raster_lar
 const float SMALL = 256.0;   // pixels of a triangle's bounds that one invocation goes through
 const uint LARGE_MOST = 65536u, JOBS_MOST = 262144u; // as in render/raster.c
 
-layout(binding = 3, r32ui) uniform uimage2D picture; // near / distance along the view axis, its bits
+layout(binding = 3, r32ui) uniform uimage2D picture; // depth, its bits
 layout(std430, binding = 6) buffer Large {
     uint large_count, job_count, unused0, unused1;
     vec4 large_corners[]; // three a triangle
@@ -18,14 +18,14 @@ struct Triangle {
     mat3 edges; // not negative inside
     vec3 depth;
     float least, most; // depth of its corners
-    bool cut;          // by the near plane
+    bool cut;          // by the near plane; parallel rays' are not
 };
 
-// A corner of a triangle: clip coordinates x / w, y / w, the depth near / w, and w.
+// A corner of a triangle: clip coordinates over w, and w.
 vec4 corner_from(vec4 clip)
 {
     float w = abs(clip.w) < 1e-6 ? 1e-6 : clip.w; // a micrometre from the plane of the eye
-    return vec4(clip.xy / w, scene.grid.w / w, w);
+    return vec4(clip.xyz / w, w);
 }
 
 // In pixels from the middle of the one at `origin`.
@@ -107,7 +107,7 @@ void draw_pixel(Triangle triangle, ivec2 pixel, vec2 place)
     float depth = dot(triangle.depth, at);
     if (!triangle.cut)
         depth = clamp(depth, triangle.least, triangle.most);
-    else if (depth <= 0.0 || depth > 1.0)
+    if (depth <= 0.0 || depth > 1.0)
         return;
     imageAtomicMax(picture, pixel, floatBitsToUint(depth));
 }

@@ -37,7 +37,7 @@ float reach_of_children(ivec2 block, int level, ivec4 children)
 
 float reach_of(ivec2 block, int level, int pane, ivec4 children)
 {
-    float reach = error_of_children(block, level, pane) * scene.accuracy.x;
+    float reach = error_of_children(block, level, pane) * scene.accuracy.x - scene.accuracy.w;
     float most = level > 1 ? reach_of_children(block, level, children) : 0.0;
     if (most > scene.grid.y) // else none of them is split
         reach = max(reach, (most + 2.0 * scene.levels[level - 1].w) * GROWTH);

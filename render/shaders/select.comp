@@ -79,7 +79,7 @@ bool outside_frustum(vec3 corners[8], float margin_m)
         float nearest = -1e30;
         for (int i = 0; i < 8; i++)
             nearest = max(nearest, dot(scene.planes[p].xyz, corners[i]));
-        if (nearest < -margin_m)
+        if (nearest + scene.planes[p].w < -margin_m)
             return true;
     }
     return false;
@@ -109,7 +109,7 @@ bool can_be_seen(ivec2 block, int level, int pane, vec3 middle)
     // of curvature, is nearer than the place itself.
     float bulge_m = WGS84_A * bound * bound + 1.0;
     float distance_m = 6.33e6 * max(length(middle) - bound, 0.0);
-    return distance_m < horizon_m(scene.eye_trig.w) + horizon_m(height.y) &&
+    return distance_m < scene.accuracy.z + horizon_m(height.y) &&
            !outside_frustum(corners, bulge_m);
 }
 

@@ -5,7 +5,7 @@
 
 layout(binding = 1) uniform sampler2DArray surfaces; // slopes along and across (coded), water
 layout(binding = 2) uniform sampler2D ground;        // tiling: slope x, slope y, two noises
-// Near / distance along the view axis.
+// Near / distance along the view axis; for parallel rays the way from far as a share.
 #if SAMPLES > 1
 layout(binding = 3) uniform sampler2DMS depths;
 #else
@@ -168,6 +168,7 @@ vec3 photo_radiance(vec3 photo, float mottle, Spot spot, vec2 slope, vec2 rough_
 }
 #endif
 
+// `distance_m`: at which a pixel is as large there.
 vec3 ground_radiance(vec3 dn, vec3 view, float distance_m, float altitude_km)
 {
     Spot spot = spot_at(dn);
@@ -226,22 +227,24 @@ vec3 ground_radiance(vec3 dn, vec3 view, float distance_m, float altitude_km)
     return radiance;
 }
 
-// What is seen through `tangent` of the view. `depth` is near over distance.
+// What is seen through `tangent` of the view. Parallel rays show one place of the sky, and no sun there,
+// which would be all of it.
 vec3 shaded(vec2 tangent, float depth)
 {
-    vec3 ray = mat3(scene.enu_from_eye) * vec3(tangent, -1.0);
-    float ray_length = length(ray);
-    vec3 view = ray / ray_length;
+    Ray ray = ray_through(tangent);
+    float ray_length = length(ray.along);
+    vec3 view = ray.along / ray_length;
     bool ground_seen = GROUND == 1 && (SKY == 0 || depth > scene.accuracy.y);
     vec3 radiance = sky_colour(ground_seen ? vec3(view.xy, 0.0) : view);
     if (ground_seen) {
-        float distance_m = ray_length * (scene.grid.w / depth);
-        vec4 place = difference_from_enu(ray * (scene.grid.w / depth));
-        vec3 land = ground_radiance(place.xyz, view, distance_m, (scene.haze.z + place.w) * 1e-3);
+        float along_m = along_of(depth), distance_m = ray_length * along_m;
+        vec4 place = difference_from_enu(ray.from + ray.along * along_m);
+        vec3 land = ground_radiance(place.xyz, view, distance_m * scene.along.w + scene.parallel.w,
+                                    (scene.haze.z + place.w) * 1e-3);
         radiance = mix(radiance, land, transmittance(distance_m, place.w));
     } else {
         float disc = smoothstep(0.99996, 0.99999, dot(view, scene.sun.xyz));
-        radiance += vec3(12.0, 10.5, 8.0) * disc * scene.sun.w;
+        radiance += vec3(12.0, 10.5, 8.0) * disc * (scene.sun.w * scene.along.w);
     }
     return displayed(radiance);
 }
@@ -265,7 +268,7 @@ vec3 pixel_shown(ivec2 pixel, vec2 tangent)
         most = max(most, depth[i]);
         sum += depth[i];
     }
-    bool edge = most - least > EDGE * most;
+    bool edge = most - least > EDGE * most * scene.along.w + scene.parallel.z;
     vec2 pixel_size = (scene.view_rays.zw - scene.view_rays.xy) / vec2(textureSize(depths));
     vec3 light = vec3(0.0); // which adds up; what is stored is its root
     int count = edge ? SAMPLES : 1;

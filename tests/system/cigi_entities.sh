@@ -1,5 +1,5 @@
 #!/bin/sh
-# A host's second entity is seen while it is there. At night the picture to the south does not change by
+# A host's second entity is seen while it is there, and so is its orthographic view. At night the picture to the south does not change by
 # itself.
 # shellcheck disable=SC2317 # functions that wait_for calls
 . "$(dirname "$0")/common.sh"
@@ -58,6 +58,16 @@ cmp -s alone.png other.png && fail "the second entity is not seen"
 send gone
 snapshot gone
 cmp alone.png gone.png || fail "the second entity is gone, and the picture is another"
+
+# an orthographic view from above, and back
+send parallel
+send down
+snapshot parallel
+cmp -s parallel.png gone.png && fail "an orthographic view is not drawn"
+send perspective
+snapshot down
+cmp -s parallel.png down.png && fail "the projection does not change"
+grep "view 0:" otwd.log && fail "a view is refused"
 stop_daemon
 [ "$stopped" -eq 0 ] || fail "status $stopped"
 finish

@@ -7,51 +7,8 @@
 
 frames=${OTWD_STEP_FRAMES:-1000}
 timeout_ms=500
-group=239.192.0.1:8010
-host=10.77.0.1
-space=otwd$$
-spaces="$space.host $space.1 $space.2 $space.3"
-
-need ip
-for name in $spaces; do
-    ip netns add "$name" 2>/dev/null || {
-        echo "skip: network namespaces cannot be made here"
-        exit 77
-    }
-done
-
-end_spaces() {
-    end
-    for name in $spaces; do
-        ip netns pids "$name" | xargs -r kill -KILL
-        ip netns delete "$name"
-    done
-}
-trap end_spaces EXIT
-
-in_space() {
-    where=$1
-    shift
-    ip netns exec "$space.$where" "$@"
-}
-
-# The way that a host and the channels go on a real network: one switch.
-connect() {
-    in_space host ip link add bridge type bridge mcast_snooping 0 &&
-        in_space host ip address add "$host/24" dev bridge &&
-        in_space host ip link set bridge up &&
-        in_space host ip link set lo up &&
-        in_space host ip route add 239.0.0.0/8 dev bridge &&
-        for i in 1 2 3; do
-            in_space host ip link add "to$i" type veth peer name eth0 netns "$space.$i" &&
-                in_space host ip link set "to$i" master bridge up &&
-                in_space "$i" ip address add "10.77.0.1$i/24" dev eth0 &&
-                in_space "$i" ip link set eth0 up &&
-                in_space "$i" ip link set lo up &&
-                in_space "$i" ip route add 239.0.0.0/8 dev eth0 || return 1
-        done
-}
-connect || fatal "the namespaces are not connected"
+base=host
+. "$(dirname "$0")/three_spaces.sh"
 
 for i in 1 2 3; do
     cat >"$i.yaml" <<YAML
@@ -71,64 +28,7 @@ time_s,lat_deg,lon_deg,alt_m,roll_deg,pitch_deg,heading_deg
 6000,46.50,9.90,4000,0,0,90
 FLIGHT
 
-start_channel() {
-    start "channel$1.log" ip netns exec "$space.$1" "$OTWD" run -c "$1.yaml"
-    case $1 in
-    1) first_pid=$started ;;
-    3) third_pid=$started ;;
-    esac
-}
-
-logged_by() {
-    channel=$1
-    grep -q "$2" "channel$channel.log"
-}
-
-all_drawing() {
-    for channel in 1 2 3; do
-        logged_by "$channel" "the first frame is out" || return 1
-    done
-}
-
-# Each of the last 40 frames of the host was shown by all three.
-steady() {
-    tail -n 126 swaps | awk '$3 == "host" { count[$1]++ }
-        END { for (n in count) { all += count[n] == 3 }; exit !(all >= 40) }'
-}
-
-shown() {
-    [ "$(wc -l <swaps)" -ge "$1" ]
-}
-
-last_number() {
-    tail -n 4 swaps | head -n 1 | cut -d ' ' -f 1
-}
-
-# together FROM TO: what the channels said that they showed of the host's frames FROM to TO.
-together() {
-    awk -v from="$1" -v to="$2" '
-        $3 != "host" || $1 < from || $1 > to { next }
-        { count[$1]++; sum[$1] += $2
-          if (!($1 in first) || $4 < first[$1]) first[$1] = $4
-          if ($4 > last[$1]) last[$1] = $4 }
-        END {
-            for (n = from; n <= to; n++) {
-                if (count[n] != 3 || sum[n] != 6) {
-                    print "frame", n, "was shown", count[n] + 0, "times"; bad = 1 }
-                if (n > from && first[n] <= last[n - 1]) {
-                    print "frame", n, "was shown before all had shown", n - 1; bad = 1 }
-                skew = last[n] - first[n]; if (skew > worst) worst = skew
-                total += skew }
-            printf "frames %d to %d: skew %.3f ms mean, %.3f ms worst, %.1f a second\n", from, to,
-                total / (to - from + 1), worst, 1000 * (to - from) / (last[to] - first[from])
-            exit bad + 0 }' swaps
-}
-
-start swaps ip netns exec "$space.host" "$SYSTEM_TOOL" swaps "$group" "$host" "$(date +%s)"
-for i in 1 2 3; do
-    start_channel "$i"
-done
-wait_for 60 all_drawing || fatal "the channels do not draw"
+start_all
 start send.log ip netns exec "$space.host" "$OTWD" send flight.csv --protocol cigi3 --sync --database 1 \
     --to udp://239.192.0.2:8004 --listen "$host:8005"
 wait_for 40 steady || fatal "the channels are not in step"
