@@ -1,12 +1,13 @@
 #!/bin/sh
-# song_flight.sh: ten minutes at 150 m/s over the Pyrenees with two sharp turns, at 180 and at 350 s
-# (after Song, Yang and Ji 2016, section 4, whose path is a picture only), as a flight for otwd.
+# song_flight.sh [LAT LON HEADING]: ten minutes at 150 m/s with two sharp turns, at 180 and at 350 s
+# (after Song, Yang and Ji 2016, section 4, whose path is a picture only), as a flight for otwd. It
+# begins over the Pyrenees, or at the place that is given.
 set -eu
-awk 'BEGIN {
-    print "# Ten minutes over the Pyrenees, two sharp turns: bench/song_flight.sh"
+awk -v lat="${1-42.35}" -v lon="${2-1.15}" -v heading="${3-35}" 'BEGIN {
+    print "# Ten minutes, two sharp turns: bench/song_flight.sh"
     print "# altitude: egm96"
     print "time_s,lat_deg,lon_deg,alt_m,roll_deg,pitch_deg,heading_deg"
-    lat = 42.35; lon = 1.15; heading = 35; step = 0.2; radian = 3.14159265358979 / 180
+    step = 0.2; radian = 3.14159265358979 / 180
     for (i = 0; i <= 3000; i++) {
         t = i * step
         rate = 0

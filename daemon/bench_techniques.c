@@ -31,7 +31,13 @@ enum {
     OPT_EVERY,
     OPT_POSTS,
     OPT_SPACING,
-    OPT_PIXELS
+    OPT_PIXELS,
+    OPT_RADIUS
+};
+
+struct asked {
+    int index; /* of its name */
+    double setting;
 };
 
 struct techniques_options {
@@ -39,15 +45,21 @@ struct techniques_options {
     const char *flight, *report_dir;
     const char *names[ENTRIES_MOST];
     int count;
+    struct asked asked[ENTRIES_MOST]; /* in this order, where settings are given */
+    int asked_count;
+    bool settings_given;
     double rate_hz, spacing_m;
-    int rounds, every, posts;
+    int rounds, every, posts, radius;
     unsigned pixels;
     bool json;
 };
 
 static const struct argp_option known[] = {
     {"flight", OPT_FLIGHT, "FLIGHT", 0, "the flight, of any form that `otwd replay` reads", 0},
-    {"techniques", OPT_TECHNIQUES, "all|NAME,...", 0, "which are compared (default: all)", 0},
+    {"techniques", OPT_TECHNIQUES, "all|NAME[@SETTING],...", 0,
+     "which are compared (default: all); where a setting is given none is chosen by measuring, and "
+     "those without are at their usual one",
+     0},
     {"rate", OPT_RATE, "HZ", 0, "frames a second of the flight (default 60)", 0},
     {"rounds", OPT_ROUNDS, "N", 0, "that each is flown, in turn with the others (default 3)", 0},
     {"every", OPT_EVERY, "N", 0, "judge only every Nth picture (default: some 40 of the flight)",
@@ -58,8 +70,14 @@ static const struct argp_option known[] = {
      "of posts at most (default: the least with which the ground reaches 5 km beyond the flight)",
      0},
     {"pixels", OPT_PIXELS, "N", 0, "of a picture whose error is measured (default 4000)", 0},
+    {"radius", OPT_RADIUS, "POSTS", 0,
+     "that the clipmap's levels reach at most: 32, 64, ... 512 (default: what settings may ask "
+     "for)",
+     0},
     {"report", OPT_REPORT, "DIR", 0,
-     "write report.json, report.html and pictures of each technique's worst frame", 0},
+     "write report.json, report.html, flown.csv, frames.csv and pictures of each technique's worst "
+     "frame",
+     0},
     {"json", 'j', NULL, 0, "as JSON", 0},
     {0},
 };
@@ -71,7 +89,8 @@ static void list_techniques(char *ret, size_t size)
         used += (size_t)snprintf(ret + used, size - used, ", %s", (*ops)->name);
 }
 
-static void add_technique(struct argp_state *state, const char *name)
+/* Returns the name's index: each is there once. */
+static int add_technique(struct argp_state *state, const char *name)
 {
     struct techniques_options *options = state->input;
     char list[1024];
@@ -80,9 +99,26 @@ static void add_technique(struct argp_state *state, const char *name)
         argp_error(state, "there is no technique \"%s\"; there are %s", name, list);
     for (int i = 0; i < options->count; i++)
         if (strcmp(options->names[i], name) == 0)
-            return;
-    assert(options->count < ENTRIES_MOST); /* each once, and there are not so many */
-    options->names[options->count++] = name;
+            return i;
+    assert(options->count < ENTRIES_MOST); /* there are not so many */
+    options->names[options->count] = name;
+    return options->count++;
+}
+
+static void add_asked(struct argp_state *state, char *name)
+{
+    struct techniques_options *options = state->input;
+    char *setting = strchr(name, '@');
+    if (setting)
+        *setting++ = '\0';
+    if (options->asked_count == ENTRIES_MOST)
+        argp_error(state, "--techniques takes at most %d", ENTRIES_MOST);
+    int index = add_technique(state, name);
+    struct technique_knob knob = entry_knob(name);
+    if (setting)
+        options->settings_given = true;
+    options->asked[options->asked_count++] = (struct asked){
+        index, setting ? cli_number(state, name, setting, knob.least, knob.most) : knob.usual};
 }
 
 static void add_all(struct argp_state *state)
@@ -97,11 +133,20 @@ static void parse_techniques(struct argp_state *state, char *list)
 {
     struct techniques_options *options = state->input;
     char *rest = list;
-    options->count = 0;
+    options->count = options->asked_count = 0;
+    options->settings_given = false;
     if (strcmp(list, "all") == 0)
         return;
     for (char *name; (name = strsep(&rest, ","));)
-        add_technique(state, name);
+        add_asked(state, name);
+}
+
+static int parse_radius(struct argp_state *state, const char *text)
+{
+    int radius = (int)cli_number(state, "radius", text, 32.0, 512.0);
+    if (radius & (radius - 1))
+        argp_error(state, "--radius takes a power of two, not \"%s\"", text);
+    return radius;
 }
 
 static int parse_posts(struct argp_state *state, const char *text)
@@ -146,6 +191,9 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
     case OPT_PIXELS:
         options->pixels = (unsigned)cli_number(state, "pixels", argument, 100.0, 1e6);
         return 0;
+    case OPT_RADIUS:
+        options->radius = parse_radius(state, argument);
+        return 0;
     case 'j':
         options->json = true;
         return 0;
@@ -168,7 +216,8 @@ static const struct argp parser = {
         "Hold techniques for terrain against each other: the same ground, flight, shading and "
         "camera. The setting of each is chosen by measuring, so that all have the same error, "
         "--pixel-error at the 99th percentile; then so that all take the same time as the "
-        "clipmap did. Each is flown in turn with the others."
+        "clipmap did. Or each is flown at the settings that are given, as in "
+        "--techniques quadtree@1,quadtree@2,clipmap@1. Each is flown in turn with the others."
         "\n\nOr one of these, of which `otwd bench SUBJECT --help` says more:\n"
         "  codec RASTER...  the height codec beside LERC, zstd and PNG\n"
         "  motion           how true and how smooth what is shown of a flight is\n"
@@ -229,6 +278,7 @@ static int open_all(struct comparing *comparing, struct diag *diag)
         .spacing_m = options->spacing_m,
         .pixels = options->pixels,
         .finest_error = 0.25 * options->channel.pixel_error,
+        .radius = options->radius,
     };
     r = stage_open(&stage, &comparing->stage, diag);
     if (r < 0)
@@ -314,9 +364,31 @@ static double clipmap_ms(const struct technique_report *report)
     return 0.0;
 }
 
+/* Flies all that are available, as often as settings were given. */
+static int fly_asked(struct comparing *comparing, struct diag *diag)
+{
+    const struct techniques_options *options = &comparing->options;
+    struct technique_report *report = &comparing->report;
+    struct flown *flown = comparing->flown[AS_ASKED];
+    int *count = &report->flown_count[AS_ASKED];
+    report->params.watched = 0;
+    for (int i = 0; i < options->asked_count; i++) {
+        struct entry *entry = &comparing->entries[options->asked[i].index];
+        if (!entry_is_available(entry))
+            continue;
+        if (flown_init(&flown[*count], entry, &report->params) < 0)
+            return diag_set(diag, -ENOMEM, "no memory for %d frames", report->params.frames);
+        flown[*count].setting = options->asked[i].setting;
+        flown[(*count)++].met = true;
+    }
+    return *count == 0 ? 0 : flights_fly(&comparing->stage, &report->params, flown, *count, diag);
+}
+
 static int compare(struct comparing *comparing, struct diag *diag)
 {
     struct technique_report *report = &comparing->report;
+    if (comparing->options.settings_given)
+        return fly_asked(comparing, diag);
     const struct points_params params = {.frames = SURVEY_FRAMES,
                                          .step_ns = report->params.step_ns,
                                          .pixels = report->params.pixels,

@@ -77,7 +77,7 @@ void recorder_status(const struct recorder *recorder, struct recorder_status *re
 {
     *ret_status = (struct recorder_status){
         .failed = atomic_load(&recorder->failed),
-        .recorded = otwlog_added(recorder->writer),
+        .recorded = otwlog_written(recorder->writer),
         .dropped = otwlog_dropped(recorder->writer),
         .removed = otwlog_removed(recorder->writer),
     };

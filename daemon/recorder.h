@@ -24,7 +24,7 @@ struct otwlog_writer *recorder_writer(struct recorder *recorder);
 
 struct recorder_status {
     bool failed;       /* the disk refused a write: nothing is written any more */
-    uint64_t recorded; /* records */
+    uint64_t recorded; /* records that are in the files */
     uint64_t dropped;
     uint64_t removed; /* files, to stay within max_mib */
 };

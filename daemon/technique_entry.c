@@ -8,6 +8,12 @@
 static const struct technique_knob clipmap_knob = {
     .name = "pixel error", .least = 0.05, .most = 50.0, .usual = 1.0};
 
+struct technique_knob entry_knob(const char *name)
+{
+    const struct technique_ops *ops = technique_find(name);
+    return ops ? ops->knob : clipmap_knob;
+}
+
 /* The first picture, and how long it took. */
 static int start(struct entry *entry, struct stage *stage)
 {
@@ -41,8 +47,8 @@ static int open_technique(struct stage *stage, struct entry *entry)
 int entry_open(struct stage *stage, const char *name, struct entry *ret_entry)
 {
     const struct technique_ops *ops = technique_find(name);
-    *ret_entry = (struct entry){
-        .name = ops ? ops->name : "clipmap", .ops = ops, .knob = ops ? ops->knob : clipmap_knob};
+    *ret_entry =
+        (struct entry){.name = ops ? ops->name : "clipmap", .ops = ops, .knob = entry_knob(name)};
     ret_entry->setting = ret_entry->knob.usual;
     if (ops)
         return open_technique(stage, ret_entry);
@@ -101,7 +107,9 @@ int entry_show(struct entry *entry, struct stage *stage, struct view *view,
 {
     if (!entry->ops)
         return show_clipmap(entry, stage, view, ret_cost);
-    technique_show(entry->technique, &stage->params, stage->renderer, view, stage->timer);
+    struct view ahead;
+    stage_look_ahead(stage, entry->ops->ahead, &ahead);
+    technique_show(entry->technique, &stage->params, stage->renderer, view, &ahead, stage->timer);
     *ret_cost = technique_timer_cost(stage->timer);
     return 0;
 }
@@ -111,9 +119,9 @@ int entry_arrive(struct entry *entry, struct stage *stage, nsec_t time_ns, nsec_
 {
     struct technique_cost cost;
     int r = 0;
+    stage->step_ns = step_ns;
     for (unsigned i = entry->ops ? entry->ops->history : 0; r == 0 && i > 0; i--) {
-        nsec_t before_ns = time_ns - (nsec_t)i * step_ns;
-        r = stage_go(stage, before_ns > 0 ? before_ns : 0, false, ret_view);
+        r = stage_go(stage, time_ns - (nsec_t)i * step_ns, false, ret_view);
         if (r == 0)
             r = entry_show(entry, stage, ret_view, &cost);
     }

@@ -15,6 +15,9 @@ struct entry {
     uint64_t uploaded;       /* bytes, by the clipmap in its last frame */
 };
 
+/* Of a technique that there is. */
+struct technique_knob entry_knob(const char *name);
+
 /* An entry by its name: "clipmap", or one that technique_find() knows. What hinders it lies in
  * `unavailable`. Returns 0, or -EIO where the GPU is lost. */
 int entry_open(struct stage *stage, const char *name, struct entry *ret_entry);

@@ -20,7 +20,9 @@ int flown_init(struct flown *flown, struct entry *entry, const struct flights_pa
     flown->cpu_ms = calloc(all, sizeof(double));
     if (!flown->frame_ms || !flown->terrain_ms || !flown->gpu_ms || !flown->cpu_ms)
         return -ENOMEM;
-    int r = samples_init(&flown->triangles, all);
+    int r = samples_init(&flown->update_ms, all);
+    r = r < 0 ? r : samples_init(&flown->draw_ms, all);
+    r = r < 0 ? r : samples_init(&flown->triangles, all);
     r = r < 0 ? r : samples_init(&flown->vertices_sent, all);
     r = r < 0 ? r : samples_init(&flown->bytes_sent, all);
     r = r < 0 ? r : samples_init(&flown->error_px, judged * params->pixels);
@@ -34,6 +36,8 @@ void flown_finish(struct flown *flown)
     free(flown->terrain_ms);
     free(flown->gpu_ms);
     free(flown->cpu_ms);
+    samples_finish(&flown->update_ms);
+    samples_finish(&flown->draw_ms);
     samples_finish(&flown->triangles);
     samples_finish(&flown->vertices_sent);
     samples_finish(&flown->bytes_sent);
@@ -48,7 +52,7 @@ static int keep_truth(struct stage *stage, nsec_t time_ns, struct view *ret_view
     int r = stage_go(stage, time_ns, true, ret_view);
     if (r < 0)
         return r;
-    technique_show(stage->truth, &stage->params, stage->renderer, ret_view, NULL);
+    technique_show(stage->truth, &stage->params, stage->renderer, ret_view, NULL, NULL);
     return quality_keep(stage->quality, stage->renderer);
 }
 
@@ -179,8 +183,9 @@ static int fly_round(struct stage *stage, const struct flights_params *params, s
 {
     struct technique_cost cost;
     entry_tune(flown->entry, flown->setting);
+    stage->step_ns = params->step_ns;
     for (int i = -WARM_FRAMES; i < params->frames; i++) {
-        int r = fly_frame(stage, flown, i < 0 ? 0 : i * params->step_ns, &cost);
+        int r = fly_frame(stage, flown, i * params->step_ns, &cost);
         if (r < 0)
             return r;
         if (i < 0)
@@ -191,6 +196,8 @@ static int fly_round(struct stage *stage, const struct flights_params *params, s
         flown->gpu_ms[at] = cost.gpu_ms;
         flown->cpu_ms[at] = cost.cpu_ms;
         flown->facts = entry_facts(flown->entry, stage);
+        samples_add(&flown->update_ms, cost.update_ms);
+        samples_add(&flown->draw_ms, cost.draw_ms);
         samples_add(&flown->triangles, (double)cost.triangles);
         samples_add(&flown->vertices_sent, (double)flown->facts.vertices_sent);
         samples_add(&flown->bytes_sent, (double)flown->facts.bytes_sent);
@@ -214,6 +221,22 @@ int flights_fly(struct stage *stage, const struct flights_params *params, struct
     if (params->progress)
         fputc('\n', stderr);
     return r < 0 ? diag_set(diag, r, "the GPU was lost") : 0;
+}
+
+static int compare_doubles(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+double flights_frame_ms(const struct flights_params *params, const struct flown *flown, int frame)
+{
+    double rounds[100];
+    int count = params->rounds < 100 ? params->rounds : 100;
+    for (int i = 0; i < count; i++)
+        rounds[i] = flown->frame_ms[(size_t)i * (size_t)params->frames + (size_t)frame];
+    qsort(rounds, (size_t)count, sizeof(rounds[0]), compare_doubles);
+    return rounds[count / 2];
 }
 
 static void widen(double value, double *least, double *most)

@@ -20,6 +20,7 @@ struct flown {
     double setting;
     bool met;                                            /* what the setting was chosen for */
     double *frame_ms, *terrain_ms, *gpu_ms, *cpu_ms;     /* [rounds][frames] */
+    struct samples update_ms, draw_ms;                   /* of frames, by the GPU's clock */
     struct samples triangles, vertices_sent, bytes_sent; /* of frames */
     struct technique_facts facts;                        /* of the last frame */
     struct samples error_px, psnr_db;
@@ -44,6 +45,9 @@ int flights_fly(struct stage *stage, const struct flights_params *params, struct
  * then has it, the truth and their difference. */
 int flights_show(struct stage *stage, const struct flights_params *params, struct flown *flown,
                  nsec_t time_ns, struct view *ret_view, struct quality_difference *ret_difference);
+
+/* A frame's time: that of the round in the middle. */
+double flights_frame_ms(const struct flights_params *params, const struct flown *flown, int frame);
 
 /* What the rounds have in common, and how much they differ. */
 struct spread {

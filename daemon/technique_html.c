@@ -36,23 +36,6 @@ static void write_legend(FILE *file, const struct technique_report *report)
     fputs("</p>\n", file);
 }
 
-static int compare_doubles(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
-/* A frame's time is that of the round in the middle. */
-static double frame_ms(const struct technique_report *report, const struct flown *flown, int frame)
-{
-    double rounds[100];
-    int count = report->params.rounds < 100 ? report->params.rounds : 100;
-    for (int i = 0; i < count; i++)
-        rounds[i] = flown->frame_ms[(size_t)i * (size_t)report->params.frames + (size_t)frame];
-    qsort(rounds, (size_t)count, sizeof(rounds[0]), compare_doubles);
-    return rounds[count / 2];
-}
-
 static void write_line(FILE *file, double x1, double y1, double x2, double y2)
 {
     fprintf(file, "<line x1=\"%.1f\" y1=\"%.1f\" x2=\"%.1f\" y2=\"%.1f\" stroke=\"#d8dee4\"/>", x1,
@@ -74,8 +57,8 @@ static void write_times(FILE *file, const struct technique_report *report,
     for (int c = 0; c < columns; c++) {
         double low = INFINITY, high = 0.0, x = (double)PLOT_WIDTH * c / columns;
         for (int i = c * frames / columns; i < (c + 1) * frames / columns; i++) {
-            low = fmin(low, frame_ms(report, flown, i));
-            high = fmax(high, frame_ms(report, flown, i));
+            low = fmin(low, flights_frame_ms(&report->params, flown, i));
+            high = fmax(high, flights_frame_ms(&report->params, flown, i));
         }
         fprintf(file, "%c%.1f %.1fL%.1f %.1f", c ? 'L' : 'M', x, PLOT_HEIGHT * (1.0 - low / top_ms),
                 x, PLOT_HEIGHT * (1.0 - high / top_ms));
@@ -203,6 +186,21 @@ static void write_table(FILE *file, const struct technique_report *report, enum 
     fputs("</table>\n", file);
 }
 
+static void write_comparison(FILE *file, const struct technique_report *report,
+                             enum comparison which, const char *title)
+{
+    fprintf(file, "<h2>%s</h2>\n", title);
+    write_table(file, report, which);
+    write_time_plot(file, report, which);
+}
+
+/* Whether its picture is made of triangles of that frame alone. */
+static bool has_edges(const struct flown *flown)
+{
+    const struct technique_ops *ops = flown->entry->ops;
+    return !ops || ops->claim.from_anywhere;
+}
+
 static void write_pictures(FILE *file, const struct technique_report *report)
 {
     for (int i = 0; i < report->flown_count[EQUAL_ERROR]; i++) {
@@ -212,11 +210,14 @@ static void write_pictures(FILE *file, const struct technique_report *report)
                 "<h2>%s at its worst: %.2f dB, at %.2f s</h2>\n"
                 "<figure><img src=\"%s.png\"><figcaption>the picture</figcaption></figure>\n"
                 "<figure><img src=\"%s-difference.png\"><figcaption>its difference from full "
-                "detail, times %g</figcaption></figure>\n"
-                "<figure><img src=\"%s-edges.png\"><figcaption>its "
-                "triangles</figcaption></figure>\n",
+                "detail, times %g</figcaption></figure>\n",
                 name, flown->worst_db, seconds_from_ns(flown->worst_ns), name, name,
-                DIFFERENCE_GAIN, name);
+                DIFFERENCE_GAIN);
+        if (has_edges(flown))
+            fprintf(file,
+                    "<figure><img src=\"%s-edges.png\"><figcaption>its "
+                    "triangles</figcaption></figure>\n",
+                    name);
     }
 }
 
@@ -235,18 +236,21 @@ static int write_page(const struct technique_report *report, const char *path, s
     fprintf(file, ". The ground: %d posts a side, %.2f m apart.</p>\n", stage->field->cells + 1,
             stage_spacing_m(stage));
     write_legend(file, report);
-    fprintf(file, "<h2>Equal error: %g px at the 99th percentile</h2>\n", report->error_px);
-    write_table(file, report, EQUAL_ERROR);
-    write_time_plot(file, report, EQUAL_ERROR);
-    if (report->flown_count[EQUAL_TIME] > 0) {
-        fprintf(file, "<h2>Equal time for terrain: %.3f ms</h2>\n", report->time_ms);
-        write_table(file, report, EQUAL_TIME);
-        write_time_plot(file, report, EQUAL_TIME);
+    if (report->flown_count[AS_ASKED] > 0)
+        write_comparison(file, report, AS_ASKED, "At the settings that were asked for");
+    else {
+        char title[80];
+        snprintf(title, sizeof(title), "Equal error: %g px at the 99th percentile",
+                 report->error_px);
+        write_comparison(file, report, EQUAL_ERROR, title);
+        snprintf(title, sizeof(title), "Equal time for terrain: %.3f ms", report->time_ms);
+        if (report->flown_count[EQUAL_TIME] > 0)
+            write_comparison(file, report, EQUAL_TIME, title);
+        fputs("<h2>Error (99th percentile) against time for terrain (the frame without shading), "
+              "by setting</h2>\n",
+              file);
+        write_error_plot(file, report);
     }
-    fputs("<h2>Error (99th percentile) against time for terrain (the frame without shading), by "
-          "setting</h2>\n",
-          file);
-    write_error_plot(file, report);
     for (int i = 0; i < report->count; i++)
         if (!entry_is_available(&report->entries[i])) {
             fprintf(file, "<p>%s is not available: ", report->entries[i].name);
@@ -279,7 +283,7 @@ static int write_worst(struct technique_report *report, struct stage *stage, con
     int r = write_picture(report, directory, name, "", pictures.ours, diag);
     if (r == 0)
         r = write_picture(report, directory, name, "-difference", pictures.difference, diag);
-    if (r < 0)
+    if (r < 0 || !has_edges(flown))
         return r;
     technique_show_edges(flown->entry->technique, &stage->params, stage->renderer, &view);
     if (quality_against_kept(stage->quality, stage->renderer, &difference) < 0)
@@ -304,6 +308,8 @@ int technique_report_write(struct technique_report *report, struct stage *stage,
     char path[4096];
     snprintf(path, sizeof(path), "%s/report.json", directory);
     int r = write_json(report, path, diag);
+    if (r == 0)
+        r = technique_report_write_csv(report, directory, diag);
     for (int i = 0; r == 0 && i < report->flown_count[EQUAL_ERROR]; i++)
         r = write_worst(report, stage, directory, &report->flown[EQUAL_ERROR][i], diag);
     snprintf(path, sizeof(path), "%s/report.html", directory);

@@ -118,7 +118,7 @@ static int visit_frame(struct stage *stage, const struct points_params *params, 
         r = stage_go(stage, time_ns, true, &view);
     if (r < 0)
         return r;
-    technique_show(stage->truth, &stage->params, stage->renderer, &view, NULL);
+    technique_show(stage->truth, &stage->params, stage->renderer, &view, NULL, NULL);
     r = quality_keep(stage->quality, stage->renderer);
     quality_ask(stage->quality);
     for (int i = 0; r == 0 && i < count; i++)

@@ -6,7 +6,7 @@
 #include "daemon/technique_flights.h"
 #include "daemon/technique_points.h"
 
-enum comparison { EQUAL_ERROR, EQUAL_TIME, COMPARISONS };
+enum comparison { EQUAL_ERROR, EQUAL_TIME, AS_ASKED, COMPARISONS };
 
 struct technique_report {
     const char *flight, *terrain; /* paths */
@@ -25,7 +25,12 @@ void technique_report_print(const struct technique_report *report);
 
 void technique_report_print_json(const struct technique_report *report, FILE *file);
 
-/* Writes report.json, report.html and the pictures of each technique's worst frame into a directory
+/* Writes report.json, report.html, flown.csv (a row for each flown), frames.csv (their times, a row
+ * for each frame) and, but for AS_ASKED, pictures of each technique's worst frame into a directory
  * that is there. -EIO with a sentence. */
 int technique_report_write(struct technique_report *report, struct stage *stage,
                            const char *directory, struct diag *diag);
+
+/* The two tables alone: what technique_report_write() calls. */
+int technique_report_write_csv(const struct technique_report *report, const char *directory,
+                               struct diag *diag);

@@ -96,11 +96,13 @@ static int open_renderer(struct stage *stage, const struct stage_params *params,
     terrain.source->ops->facts(terrain.source, &facts);
     struct clipmap_shape usual =
         renderer_shape(&facts, pixel_rad(channel), params->finest_error, stage->gl.software);
-    int radius = stage->gl.software ? radius_by_software(params) : usual.radius;
+    int radius = params->radius       ? params->radius
+                 : stage->gl.software ? radius_by_software(params)
+                                      : usual.radius;
     const struct renderer_params renderer = {
         .width = channel->width,
         .height = channel->height,
-        .shape = clipmap_shape_of_depth(radius, usual.block, depth),
+        .shape = clipmap_shape_of_depth(radius, renderer_block(radius, stage->gl.software), depth),
         .source = terrain.source,
         .fallback = terrain.fallback,
         .geoid = terrain.geoid,
@@ -218,7 +220,7 @@ double stage_spacing_m(const struct stage *stage)
     return EARTH_M * clipmap_step_rad(&stage->field->shape, 0);
 }
 
-void stage_aim(struct stage *stage, nsec_t time_ns, bool complete, struct view *ret_view)
+static void view_at(const struct stage *stage, nsec_t time_ns, struct view *ret_view)
 {
     struct pose pose;
     flight_sample(stage->flight, time_ns, &pose);
@@ -227,6 +229,17 @@ void stage_aim(struct stage *stage, nsec_t time_ns, bool complete, struct view *
     ret_view->visibility_m = stage->visibility_m;
     sun_direction_enu(stage->utc_ns + time_ns, ret_view->eye.lat_deg, ret_view->eye.lon_deg,
                       ret_view->sun_enu);
+}
+
+void stage_look_ahead(const struct stage *stage, unsigned frames, struct view *ret_view)
+{
+    view_at(stage, stage->time_ns + (nsec_t)frames * stage->step_ns, ret_view);
+}
+
+void stage_aim(struct stage *stage, nsec_t time_ns, bool complete, struct view *ret_view)
+{
+    stage->time_ns = time_ns;
+    view_at(stage, time_ns, ret_view);
     renderer_wish(stage->renderer, &ret_view->eye, complete);
     if (complete)
         renderer_wait(stage->renderer);

@@ -17,6 +17,7 @@ struct stage_params {
                             STAGE_MARGIN_M around it, and the source has no finer */
     unsigned pixels;     /* that are judged of a picture */
     double finest_error; /* the least pixel error that the clipmap is to be drawn at */
+    int radius;          /* of the clipmap; 0: as that asks */
 };
 
 #define STAGE_MARGIN_M 5000.0
@@ -40,6 +41,8 @@ struct stage {
     nsec_t utc_ns;                /* at the flight's start */
     double renderer_ms, field_ms; /* that making them took */
     double left_field_s;          /* when the flight first does; NaN: never */
+    nsec_t time_ns;               /* that it was aimed at last */
+    nsec_t step_ns;               /* between frames: set by who flies; 0: the eye rests */
 };
 
 /* As channel_create(), and as the parts of it. The stage is to be closed also on failure. */
@@ -57,6 +60,9 @@ double stage_height_above_ground_m(const struct stage *stage, const struct view 
  * is to be drawn next. */
 void stage_aim(struct stage *stage, nsec_t time_ns, bool complete, struct view *ret_view);
 
-/* The same, and draws the clipmap coarsely: what techniques are shown upon. -EIO where the GPU is
- * lost. */
+/* The view of the frame that comes so many steps after that. */
+void stage_look_ahead(const struct stage *stage, unsigned frames, struct view *ret_view);
+
+/* As stage_aim(), and draws the clipmap coarsely: what techniques are shown upon. -EIO where the
+ * GPU is lost. */
 int stage_go(struct stage *stage, nsec_t time_ns, bool complete, struct view *ret_view);

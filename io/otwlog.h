@@ -79,8 +79,9 @@ bool otwlog_add_packet(struct otwlog_writer *writer, unsigned source, const void
  * -errno with a sentence (disk full); what was in the ring is then lost and the writer goes on. */
 int otwlog_flush(struct otwlog_writer *writer, struct diag *diag);
 
-/* Records added, and dropped for want of room or by a fault of the disk. Any thread. */
-uint64_t otwlog_added(const struct otwlog_writer *writer);
+/* Records in the files, which outlive a killed program, and those dropped for want of room or by a
+ * fault of the disk. Any thread. */
+uint64_t otwlog_written(const struct otwlog_writer *writer);
 uint64_t otwlog_dropped(const struct otwlog_writer *writer);
 /* Files removed to stay within max_mib. Any thread. */
 uint64_t otwlog_removed(const struct otwlog_writer *writer);

@@ -89,10 +89,11 @@ static int format_read(const struct flight_input *input, const struct flight_par
 {
     struct otwlog_reader reader;
     struct otwlog_record record;
+    size_t records = 0;
     int r = otwlog_reader_init(&reader, input->data, input->size, input->name, diag);
     if (r < 0)
         return r;
-    while (otwlog_reader_next(&reader, &record)) {
+    for (; otwlog_reader_next(&reader, &record); records++) {
         struct pose pose;
         if (record.type != OTWLOG_POSE)
             continue;
@@ -108,8 +109,9 @@ static int format_read(const struct flight_input *input, const struct flight_par
     }
     if (reader.torn)
         diag_set(&flight->note, 0,
-                 "%s: byte %zu: a record that is cut off or damaged; the flight ends there",
-                 input->name, reader.offset);
+                 "%s: byte %zu: a record that is cut off or damaged; the flight ends there, after "
+                 "%zu records, and leaves out %zu bytes",
+                 input->name, reader.offset, records, reader.size - reader.offset);
     return 0;
 }
 

@@ -35,7 +35,7 @@ struct otwlog_writer {
     uint8_t *ring;
     size_t ring_size; /* a power of two */
     _Atomic size_t head, tail;
-    _Atomic uint64_t added, dropped, removed;
+    _Atomic uint64_t written, dropped, removed;
     /* the rest belongs to the flushing thread */
     char directory[PATH_BYTES - 64], stem[32], path[PATH_BYTES];
     int fd;
@@ -123,6 +123,8 @@ int otwlog_create(const struct otwlog_params *params, struct otwlog_writer **ret
     writer->fd = -1;
     writer->ring_size = power_of_two(params->ring_bytes ? params->ring_bytes : RING_BYTES_DEFAULT);
     writer->ring = malloc(writer->ring_size);
+    if (writer->ring) /* from now on, not little by little: memory that grows looks like a leak */
+        memset(writer->ring, 0xff, writer->ring_size);
     size_t max_mib = params->max_mib ? params->max_mib : MAX_MIB_DEFAULT;
     writer->file_limit = (max_mib << 20) / FILES_KEPT;
     snprintf(writer->directory, sizeof(writer->directory), "%s", params->directory);
@@ -189,7 +191,6 @@ static bool add(struct otwlog_writer *writer, enum otwlog_type type, unsigned so
     memcpy(record + OTWLOG_RECORD_HEAD, payload, size);
     ring_write(writer, tail, record, total);
     atomic_store_explicit(&writer->tail, tail + total, memory_order_release);
-    atomic_fetch_add_explicit(&writer->added, 1, memory_order_relaxed);
     return true;
 }
 
@@ -269,8 +270,8 @@ int otwlog_flush(struct otwlog_writer *writer, struct diag *diag)
         ring_read(writer, head, record, size);
         if (result == 0)
             result = flush_record(writer, record, size, diag);
-        if (result < 0)
-            atomic_fetch_add_explicit(&writer->dropped, 1, memory_order_relaxed);
+        atomic_fetch_add_explicit(result < 0 ? &writer->dropped : &writer->written, 1,
+                                  memory_order_relaxed);
         head += size;
         atomic_store_explicit(&writer->head, head, memory_order_release);
     }
@@ -281,9 +282,9 @@ int otwlog_flush(struct otwlog_writer *writer, struct diag *diag)
     return result;
 }
 
-uint64_t otwlog_added(const struct otwlog_writer *writer)
+uint64_t otwlog_written(const struct otwlog_writer *writer)
 {
-    return atomic_load_explicit(&writer->added, memory_order_relaxed);
+    return atomic_load_explicit(&writer->written, memory_order_relaxed);
 }
 
 uint64_t otwlog_dropped(const struct otwlog_writer *writer)

@@ -15,7 +15,8 @@ struct gl_facts {
     int image_taps;     /* looks at imagery that a pixel may take along its length */
     int max_tess_level; /* segments an edge */
     int max_texture_size, max_array_layers;
-    int memory_total_mib; /* of the GPU, 0 where it does not say */
+    int max_geometry_vertices, max_geometry_buffers; /* that a geometry shader emits, and knows */
+    int memory_total_mib;                            /* of the GPU, 0 where it does not say */
 };
 
 struct gl_context;

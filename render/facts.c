@@ -38,6 +38,8 @@ int gl_facts_gather(struct gl_facts *ret_facts, struct diag *diag)
     glGetIntegerv(GL_MAX_TESS_GEN_LEVEL, &facts.max_tess_level);
     glGetIntegerv(GL_MAX_TEXTURE_SIZE, &facts.max_texture_size);
     glGetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &facts.max_array_layers);
+    glGetIntegerv(GL_MAX_GEOMETRY_OUTPUT_VERTICES, &facts.max_geometry_vertices);
+    glGetIntegerv(GL_MAX_GEOMETRY_SHADER_STORAGE_BLOCKS, &facts.max_geometry_buffers);
     if (facts.max_tess_level < 64)
         return diag_set(diag, -ENODEV, "%s tessellates to %d segments an edge; 64 are needed",
                         facts.renderer, facts.max_tess_level);

@@ -5,31 +5,45 @@
 
 #define STRIP_ROWS 256 /* that are uploaded at a time */
 
+/* Row by row of pieces, each with the posts of its far edges. */
+static void upload(const struct field *field, int piece, GLuint texture)
+{
+    int side = field->cells + 1, across = field->cells / piece;
+    glPixelStorei(GL_UNPACK_ROW_LENGTH, side);
+    for (int layer = 0; layer < across * across; layer++)
+        for (int row = 0; row <= piece; row += STRIP_ROWS) {
+            int rows = piece + 1 - row < STRIP_ROWS ? piece + 1 - row : STRIP_ROWS;
+            size_t first = (size_t)(layer / across * piece + row) * (size_t)side +
+                           (size_t)(layer % across * piece);
+            glTextureSubImage3D(texture, 0, 0, row, layer, piece + 1, rows, 1, GL_RED, GL_FLOAT,
+                                &field->height_m[first]);
+        }
+    glPixelStorei(GL_UNPACK_ROW_LENGTH, 0);
+}
+
 int field_texture_create(const struct field *field, const struct gl_facts *facts,
                          struct field_texture *ret_texture, struct diag *diag)
 {
-    int side = field->cells + 1;
-    if (side > facts->max_texture_size)
-        return diag_set(diag, -ENOTSUP, "a field of %d posts a side; textures of %s have %d", side,
-                        facts->renderer, facts->max_texture_size);
+    int piece = field->cells;
+    while (piece >= facts->max_texture_size)
+        piece /= 2;
+    int across = field->cells / piece;
     struct field_texture texture = {0};
     snprintf(texture.defines, sizeof(texture.defines),
              "#define FIELD_COL %d\n#define FIELD_ROW %d\n#define FIELD_CELLS %d\n"
-             "#define FIELD_PANE %d\n",
-             field->col0, field->row0, field->cells, field->face % CLIPMAP_PANES);
-    glCreateTextures(GL_TEXTURE_2D, 1, &texture.texture);
-    glTextureStorage2D(texture.texture, 1, GL_R32F, side, side);
+             "#define FIELD_PANE %d\n#define FIELD_PIECE %d\n",
+             field->col0, field->row0, field->cells, field->face % CLIPMAP_PANES, piece);
+    glCreateTextures(GL_TEXTURE_2D_ARRAY, 1, &texture.texture);
+    glTextureStorage3D(texture.texture, 1, GL_R32F, piece + 1, piece + 1, across * across);
     glTextureParameteri(texture.texture, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
     glTextureParameteri(texture.texture, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
     glTextureParameteri(texture.texture, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
     glTextureParameteri(texture.texture, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
-    for (int row = 0; row < side; row += STRIP_ROWS)
-        glTextureSubImage2D(texture.texture, 0, 0, row, side,
-                            side - row < STRIP_ROWS ? side - row : STRIP_ROWS, GL_RED, GL_FLOAT,
-                            &field->height_m[(size_t)row * (size_t)side]);
+    upload(field, piece, texture.texture);
     if (glGetError() == GL_OUT_OF_MEMORY) {
         field_texture_destroy(&texture);
-        return diag_set(diag, -ENOMEM, "no GPU memory for a field of %d posts a side", side);
+        return diag_set(diag, -ENOMEM, "no GPU memory for a field of %d posts a side",
+                        field->cells + 1);
     }
     *ret_texture = texture;
     return 0;

@@ -12,11 +12,13 @@
 #define FIELD_TEXTURE_UNIT 8
 
 struct field_texture {
-    GLuint texture; /* R32F, [cells + 1][cells + 1], m above the ellipsoid */
-    char defines[160];
+    GLuint texture; /* R32F, an array, m above the ellipsoid: one layer of all posts, or pieces of
+                       half the cells, a quarter and so on, where a texture has not so many posts;
+                       neighbours both have the posts of their edge */
+    char defines[192];
 };
 
-/* -ENOTSUP where the GPU has no texture as large, -ENOMEM. */
+/* The field's cells are a power of two. -ENOMEM. */
 int field_texture_create(const struct field *field, const struct gl_facts *facts,
                          struct field_texture *ret_texture, struct diag *diag);
 /* Legal on zeros. */

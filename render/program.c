@@ -13,8 +13,8 @@ struct stage {
 
 static const struct stage stages[] = {
     {"vert", GL_VERTEX_SHADER},          {"tesc", GL_TESS_CONTROL_SHADER},
-    {"tese", GL_TESS_EVALUATION_SHADER}, {"frag", GL_FRAGMENT_SHADER},
-    {"comp", GL_COMPUTE_SHADER},
+    {"tese", GL_TESS_EVALUATION_SHADER}, {"geom", GL_GEOMETRY_SHADER},
+    {"frag", GL_FRAGMENT_SHADER},        {"comp", GL_COMPUTE_SHADER},
 };
 #define STAGES (sizeof(stages) / sizeof(stages[0]))
 

@@ -13,8 +13,8 @@ struct shader_file {
 extern const struct shader_file shader_files[];
 
 struct program_params {
-    const char *name;      /* of the files: name.vert, name.tesc, name.tese, name.frag, name.comp;
-                              those that exist are linked */
+    const char *name;      /* of the files: name.vert, name.tesc, name.tese, name.geom, name.frag,
+                              name.comp; those that exist are linked */
     const char *defines;   /* "#define A 1\n..." put before every stage, or NULL */
     const char *shared[2]; /* files put between common.glsl and every stage, or NULL */
 };

@@ -55,6 +55,9 @@ struct renderer;
 struct clipmap_shape renderer_shape(const struct terrain_facts *facts, double pixel_rad,
                                     double pixel_error, bool software);
 
+/* The side of its blocks, in cells, that suits a radius: renderer_shape()'s. */
+int renderer_block(int radius, bool software);
+
 /* Where the GPU has not enough memory for the shape, the next smaller one that it has is drawn
  * (clipmap_halved). -ENOMEM where it has not even enough for the least. */
 int renderer_create(const struct renderer_params *params, const struct gl_facts *facts,

@@ -13,6 +13,12 @@
 #define MEMORY_SHARE   0.75 /* of the GPU's free memory that the clipmap may take */
 #define RADIUS_UNKNOWN 256  /* at most, where a GPU does not tell how much it has */
 
+/* Small blocks waste fewer triangles, but choosing them costs. */
+int renderer_block(int radius, bool software)
+{
+    return radius < 64 ? radius / 8 : radius > 256 && !software ? 16 : 8;
+}
+
 struct clipmap_shape renderer_shape(const struct terrain_facts *facts, double pixel_rad,
                                     double pixel_error, bool software)
 {
@@ -20,9 +26,7 @@ struct clipmap_shape renderer_shape(const struct terrain_facts *facts, double pi
     int radius = 32, most = software ? 64 : gl_memory_free_mib() > 0 ? 512 : RADIUS_UNKNOWN;
     while (radius < most && radius < posts)
         radius *= 2;
-    /* Small blocks waste fewer triangles; software rasterisers pay for each. */
-    int block = software || radius < 64 ? radius / 8 : radius > 256 ? 16 : 8;
-    return clipmap_shape(radius, block, facts->finest_lat_step_deg);
+    return clipmap_shape(radius, renderer_block(radius, software), facts->finest_lat_step_deg);
 }
 
 /* Of imagery no less than a strip can be copied: it has half of what is then copied at most, and

@@ -253,6 +253,21 @@ static void set_levels(const struct extent *extent, struct scene_block *scene)
     scene->sizes[3] = shape->levels - 1;
 }
 
+void scene_set_panes(const struct view *view, const struct clipmap_shape *shape,
+                     struct scene_block *ret_scene)
+{
+    double half_step_rad = 0.5 * clipmap_step_rad(shape, 0), normal[3];
+    cube_normal_from_geodetic(view->eye.lat_deg, view->eye.lon_deg, normal);
+    for (int p = 0; p < CLIPMAP_PANES; p++) {
+        double axes[3][3];
+        cube_axes(p, axes);
+        const double *c = axes[0];
+        bool same = normal[0] * c[0] + normal[1] * c[1] + normal[2] * c[2] >= 0.0;
+        set_pane(view, same ? p : p + CUBE_FACES / 2, half_step_rad, &ret_scene->panes[p]);
+    }
+    ret_scene->grid[0] = (float)half_step_rad;
+}
+
 int scene_set_levels(const struct view *view, const struct clipmap_shape *shape,
                      const struct loader_level *levels, double nearest_m,
                      const struct scene_detail *detail, struct scene_block *ret_scene)
@@ -266,13 +281,7 @@ int scene_set_levels(const struct view *view, const struct clipmap_shape *shape,
                             .farthest = farthest_in_sight(view)};
     normal = extent.normal;
     cube_normal_from_geodetic(view->eye.lat_deg, view->eye.lon_deg, normal);
-    for (int p = 0; p < CLIPMAP_PANES; p++) {
-        double axes[3][3];
-        cube_axes(p, axes);
-        const double *c = axes[0];
-        bool same = normal[0] * c[0] + normal[1] * c[1] + normal[2] * c[2] >= 0.0;
-        set_pane(view, same ? p : p + CUBE_FACES / 2, 0.5 * step_rad, &scene->panes[p]);
-    }
+    scene_set_panes(view, shape, scene);
     set_edges(scene);
     for (int level = 0; level < shape->levels; level++)
         caps[level] = levels[level].cap;
@@ -280,7 +289,6 @@ int scene_set_levels(const struct view *view, const struct clipmap_shape *shape,
     clipmap_ends(shape, caps, normal, detail->share, extent.ends);
     scene->eye_rest[2] = (float)(1.0 / CLIPMAP_BLEND);
     scene->sizes[1] = 2 * clipmap_cells(shape, 0);
-    scene->grid[0] = (float)(0.5 * step_rad);
     scene->grid[1] = (float)extent.nearest;
     scene->grid[2] = (float)(detail->pixel_rad / (step_rad * WGS84_A));
     scene->accuracy[0] = (float)(1.0 / (detail->tolerance_rad * WGS84_A));

@@ -47,6 +47,11 @@ _Static_assert(offsetof(struct scene_block, levels) == 896, "std140");
 /* Fills everything but what the next call does. */
 void scene_set_view(const struct view *view, struct scene_block *ret_scene);
 
+/* The eye on the faces of the cube, by half-posts of a shape's finest level: all that the place of
+ * a post takes beside the view. */
+void scene_set_panes(const struct view *view, const struct clipmap_shape *shape,
+                     struct scene_block *ret_scene);
+
 /* How finely a frame is drawn. */
 struct scene_detail {
     double pixel_rad;     /* the angle of a pixel at the centre of the view */

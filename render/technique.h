@@ -7,9 +7,12 @@
  * by field_program_create(). While it is called the scene block is bound to uniform buffer 0, the
  * field's heights to FIELD_TEXTURE_UNIT, and `framebuffer` with its viewport, cleared; depth is
  * reversed (near 1, infinity 0; GL_GEQUAL), and nothing is culled. It may bind what else it likes
- * but uniform buffers 0 and 2; it puts framebuffer and viewport back where it drew elsewhere,
- * leaves depth test, depth function, clip control and colour mask as they were, and begins no query
- * of GL_PRIMITIVES_GENERATED in draw().
+ * but uniform buffer 2; it puts uniform buffer 0, framebuffer and viewport back where it drew
+ * elsewhere, leaves depth test, depth function, clip control and colour mask as they were, and
+ * begins no query of GL_PRIMITIVES_GENERATED in draw().
+ *
+ * A technique may ask for the view of a frame that comes later (`ahead`): what a technique that
+ * shows everything so many frames late would have by then.
  *
  * All calls in the thread that holds the GL context. Frames neither wait for the GPU nor allocate,
  * but where the paper does so. */
@@ -35,7 +38,8 @@ struct technique_params {
 
 struct technique_frame {
     const struct view *view;
-    double pixel_rad; /* the angle of a pixel at the centre of the view */
+    const struct view *ahead; /* of the frame that comes ops->ahead later */
+    double pixel_rad;         /* the angle of a pixel at the centre of the view */
     int width, height;
     unsigned framebuffer;
 };
@@ -72,6 +76,7 @@ struct technique_ops {
     struct technique_knob knob;
     struct technique_claim claim;
     unsigned history; /* frames that it has to have drawn before one that is judged */
+    unsigned ahead; /* frames by which it has to know the view before: it would show all so late */
     /* -ENOTSUP where the GPU lacks something, -EINVAL where the field does not suit it: it is not
      * available then, and the sentence says why. -ENOMEM. */
     int (*create)(const struct technique_params *params, struct technique **ret_technique,
@@ -102,10 +107,11 @@ int technique_create(const struct technique_ops *ops, const struct technique_par
 /* Legal on NULL. */
 void technique_destroy(struct technique *technique);
 
-/* Draws the frame that the renderer finished last once more by a technique. `view` is that frame's;
- * the timer may be NULL. */
+/* Draws the frame that the renderer finished last once more by a technique. `view` is that frame's,
+ * `ahead` that of the frame that comes ops->ahead later, NULL: the same, the eye rests. The timer
+ * may be NULL. */
 void technique_show(struct technique *technique, const struct technique_params *params,
-                    struct renderer *renderer, const struct view *view,
+                    struct renderer *renderer, const struct view *view, const struct view *ahead,
                     struct technique_timer *timer);
 
 /* The triangles of the last frame once more, into a framebuffer by the scene block that is bound: a

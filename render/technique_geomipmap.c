@@ -22,6 +22,7 @@ struct instance {
 
 struct technique_of_geomipmap {
     struct technique base;
+    bool morphs; /* else a level is drawn as it is, and pops */
     const struct field *field;
     struct field_boxes boxes; /* of patches, row by row, and of squares of them */
     struct patch_errors *errors;
@@ -119,13 +120,15 @@ static int create_patches(struct technique_of_geomipmap *self, const struct fiel
     return 0;
 }
 
-static int create(const struct technique_params *params, struct technique **ret_technique,
+static int create(const struct technique_ops *ops, bool morphs,
+                  const struct technique_params *params, struct technique **ret_technique,
                   struct diag *diag)
 {
     struct technique_of_geomipmap *self = calloc(1, sizeof(*self));
     if (!self)
         return diag_set(diag, -ENOMEM, "no memory for geomipmap");
-    self->base.ops = &technique_geomipmap;
+    self->base.ops = ops;
+    self->morphs = morphs;
     self->field = params->field;
     self->along = params->field->cells / PATCH_CELLS;
     int r = create_patches(self, params->field);
@@ -189,6 +192,8 @@ static uint16_t factor_of(const struct technique_of_geomipmap *self,
         }
         float across2 = fmaxf(d2 - along * along / up2, 0.0f);
         float seen_rad = patch->levels[l].error_m * sqrtf(across2) / fmaxf(d2, 1.0f);
+        if (seen_rad > tolerance_rad && !self->morphs)
+            return (uint16_t)(l * FACTOR);
         if (seen_rad > tolerance_rad)
             return (uint16_t)((float)(l * FACTOR) +
                               (FACTOR - 1) * (tolerance_rad - finer_rad) / (seen_rad - finer_rad));
@@ -293,12 +298,38 @@ static void facts(const struct technique *technique, struct technique_facts *ret
     };
 }
 
+static int create_morphing(const struct technique_params *params, struct technique **ret_technique,
+                           struct diag *diag)
+{
+    return create(&technique_geomipmap, true, params, ret_technique, diag);
+}
+
+static int create_static(const struct technique_params *params, struct technique **ret_technique,
+                         struct diag *diag)
+{
+    return create(&technique_geomipmap_static, false, params, ret_technique, diag);
+}
+
 const struct technique_ops technique_geomipmap = {
     .name = "geomipmap",
     .title = "Wagner 2004: terrain geomorphing in the vertex shader",
     .knob = {"tolerance, px", 0.02, 64.0, 0.5, false, false},
     .claim = {0.5, 1.5, true, true},
-    .create = create,
+    .create = create_morphing,
+    .destroy = destroy,
+    .tune = tune,
+    .update = update,
+    .draw = draw,
+    .facts = facts,
+};
+
+/* What table 1 holds it against. */
+const struct technique_ops technique_geomipmap_static = {
+    .name = "geomipmap-static",
+    .title = "Wagner 2004 without morphing",
+    .knob = {"tolerance, px", 0.02, 64.0, 0.5, false, false},
+    .claim = {0.5, 1.5, true, true},
+    .create = create_static,
     .destroy = destroy,
     .tune = tune,
     .update = update,

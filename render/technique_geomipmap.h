@@ -4,4 +4,4 @@
 
 #include "render/technique.h"
 
-extern const struct technique_ops technique_geomipmap;
+extern const struct technique_ops technique_geomipmap, technique_geomipmap_static;

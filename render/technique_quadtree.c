@@ -14,6 +14,7 @@
 #define SIDES_LOCATION 3
 #define SEEN_LOCATION  4
 #define NONE           -1
+#define DUG_POSTS      16 /* to each side of the eye that change, where the ground is dug */
 
 /* The texture arrays, in the order of their units. */
 enum { HEIGHTS, ERRORS, RANGES, ARRAYS };
@@ -39,6 +40,8 @@ struct technique_of_quadtree {
     struct technique base;
     int block_cells, blocks; /* a side of a block, of a patch */
     bool at_once; /* all in one call; else each patch has textures and a call of its own */
+    bool dug;     /* the ground below the eye changes in every frame */
+    const struct field *field;
     struct patches *patches;
     int *layer_of;           /* [patches->count], or NONE */
     struct layer *layers;    /* [layer_count] */
@@ -166,7 +169,7 @@ static int least_of(int a, int b)
     return a < b ? a : b;
 }
 
-static int create(const struct technique_ops *ops, int block_cells, bool at_once,
+static int create(const struct technique_ops *ops, int block_cells, bool at_once, bool dug,
                   const struct technique_params *params, struct technique **ret_technique,
                   struct diag *diag)
 {
@@ -174,9 +177,11 @@ static int create(const struct technique_ops *ops, int block_cells, bool at_once
     if (!self)
         return diag_set(diag, -ENOMEM, "no memory for the quadtree");
     *self = (struct technique_of_quadtree){.base.ops = ops,
+                                           .field = params->field,
                                            .block_cells = block_cells,
                                            .blocks = PATCH_CELLS / block_cells,
-                                           .at_once = at_once};
+                                           .at_once = at_once,
+                                           .dug = dug};
     int r = patches_create(params->field, &self->patches, diag);
     if (r == 0) {
         int layers = least_of(LAYERS_MOST, params->facts->max_array_layers);
@@ -233,9 +238,21 @@ static struct placed_patch place(const struct technique_of_quadtree *self, struc
         {id.col * span, id.row * span}, step, self->layer_of[patch_index(id)]};
 }
 
-/* Gives a layer to each chosen patch that has none. */
-static void settle(struct technique_of_quadtree *self)
+/* Whether a patch has ground within DUG_POSTS of the place below the eye (section 2.6: what is
+ * modified is made anew in every patch that has it). */
+static bool is_dug(const struct technique_of_quadtree *self, struct patch_id id,
+                   const double eye_posts[2])
 {
+    double span = 0.5 * PATCH_CELLS * patch_step(self->patches, id.level);
+    return self->dug && fabs(eye_posts[0] - (id.col + 0.5) * span) < 0.5 * span + DUG_POSTS &&
+           fabs(eye_posts[1] - (id.row + 0.5) * span) < 0.5 * span + DUG_POSTS;
+}
+
+/* Gives a layer to each chosen patch that has none. */
+static void settle(struct technique_of_quadtree *self, const struct view *view)
+{
+    double eye_posts[2] = {-INFINITY, -INFINITY};
+    field_find(self->field, &view->eye, eye_posts);
     self->frame++;
     for (int i = 0; i < self->chosen_count; i++) {
         int layer = self->layer_of[patch_index(self->chosen[i])];
@@ -245,9 +262,9 @@ static void settle(struct technique_of_quadtree *self)
     self->arrival_count = 0;
     for (int i = 0; i < self->chosen_count; i++) {
         int patch = patch_index(self->chosen[i]);
-        if (self->layer_of[patch] != NONE)
+        if (self->layer_of[patch] != NONE && !is_dug(self, self->chosen[i], eye_posts))
             continue;
-        int layer = take_layer(self);
+        int layer = self->layer_of[patch] != NONE ? self->layer_of[patch] : take_layer(self);
         self->layers[layer] = (struct layer){patch, self->frame};
         self->layer_of[patch] = layer;
         self->arrivals[self->arrival_count++] = (struct arrival){
@@ -292,7 +309,7 @@ static void update(struct technique *technique, const struct technique_frame *fr
     struct technique_of_quadtree *self = (struct technique_of_quadtree *)technique;
     struct sight sight = sight_from_view(frame->view);
     choose(self, &sight, frame->pixel_rad);
-    settle(self);
+    settle(self, frame->view);
     set_view(self, frame);
     fill(self);
     self->visible_count = 0;
@@ -353,12 +370,13 @@ static void facts(const struct technique *technique, struct technique_facts *ret
     };
 }
 
-/* Blocks of so many posts a side (table 2.4), with texture arrays or without (table 2.3). */
-#define QUADTREE(symbol, name_text, posts, all, most_px, how)                                      \
+/* Blocks of so many posts a side (table 2.4), with texture arrays or without (table 2.3), and with
+ * ground that changes (section 2.8). */
+#define QUADTREE(symbol, name_text, posts, all, dug, most_px, how)                                 \
     static int symbol##_create(const struct technique_params *params,                              \
                                struct technique **ret_technique, struct diag *diag)                \
     {                                                                                              \
-        return create(&symbol, (posts)-1, all, params, ret_technique, diag);                       \
+        return create(&symbol, (posts)-1, all, dug, params, ret_technique, diag);                  \
     }                                                                                              \
     const struct technique_ops symbol = {                                                          \
         .name = name_text,                                                                         \
@@ -373,8 +391,11 @@ static void facts(const struct technique *technique, struct technique_facts *ret
         .facts = facts,                                                                            \
     }
 
-QUADTREE(technique_quadtree, "quadtree", 17, true, 5.0, "");
-QUADTREE(technique_quadtree_5, "quadtree-5", 5, true, 3.0, "");
-QUADTREE(technique_quadtree_9, "quadtree-9", 9, true, 4.0, "");
-QUADTREE(technique_quadtree_33, "quadtree-33", 33, true, 8.0, "");
-QUADTREE(technique_quadtree_apart, "quadtree-apart", 17, false, 5.0, ", each patch by itself");
+QUADTREE(technique_quadtree, "quadtree", 17, true, false, 5.0, "");
+QUADTREE(technique_quadtree_5, "quadtree-5", 5, true, false, 3.0, "");
+QUADTREE(technique_quadtree_9, "quadtree-9", 9, true, false, 4.0, "");
+QUADTREE(technique_quadtree_33, "quadtree-33", 33, true, false, 8.0, "");
+QUADTREE(technique_quadtree_apart, "quadtree-apart", 17, false, false, 5.0,
+         ", each patch by itself");
+QUADTREE(technique_quadtree_dug, "quadtree-dug", 17, true, true, 5.0,
+         ", the ground below changing");

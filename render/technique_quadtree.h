@@ -6,4 +6,4 @@
 #include "render/technique.h"
 
 extern const struct technique_ops technique_quadtree, technique_quadtree_5, technique_quadtree_9,
-    technique_quadtree_33, technique_quadtree_apart;
+    technique_quadtree_33, technique_quadtree_apart, technique_quadtree_dug;

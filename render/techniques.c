@@ -11,13 +11,31 @@
 #include "render/technique_geomipmap.h"
 #include "render/technique_persistent_grid.h"
 #include "render/technique_quadtree.h"
+#include "render/technique_rag.h"
 #include "render/technique_reference.h"
 
 const struct technique_ops *const techniques[] = {
-    &technique_reference,       &technique_persistent_grid,      &technique_cdlod,
-    &technique_clipmap_classic, &technique_clipmap_classic_sent, &technique_geomipmap,
-    &technique_quadtree,        &technique_quadtree_5,           &technique_quadtree_9,
-    &technique_quadtree_33,     &technique_quadtree_apart,       NULL,
+    &technique_reference,
+    &technique_persistent_grid,
+    &technique_persistent_grid_plain,
+    &technique_persistent_grid_te,
+    &technique_persistent_grid_tweb,
+    &technique_persistent_grid_tweu,
+    &technique_persistent_grid_twebu,
+    &technique_cdlod,
+    &technique_clipmap_classic,
+    &technique_clipmap_classic_sent,
+    &technique_geomipmap,
+    &technique_quadtree,
+    &technique_quadtree_5,
+    &technique_quadtree_9,
+    &technique_quadtree_33,
+    &technique_quadtree_apart,
+    &technique_rag,
+    &technique_rag_oblique,
+    &technique_quadtree_dug,
+    &technique_geomipmap_static,
+    NULL,
 };
 
 const struct technique_ops *technique_find(const char *name)
@@ -54,15 +72,17 @@ struct showing {
     struct technique *technique;
     const struct technique_params *params;
     struct renderer *renderer;
-    const struct view *view;
+    const struct view *view, *ahead;
     struct technique_timer *timer;
 };
 
 static struct technique_frame frame_of(const struct technique_params *params,
-                                       const struct view *view, unsigned framebuffer)
+                                       const struct view *view, const struct view *ahead,
+                                       unsigned framebuffer)
 {
     return (struct technique_frame){
         .view = view,
+        .ahead = ahead ? ahead : view,
         .pixel_rad = fabs(view->tan_right - view->tan_left) / params->width,
         .width = params->width,
         .height = params->height,
@@ -74,8 +94,8 @@ static void show(void *user)
 {
     const struct showing *showing = user;
     const struct technique_params *params = showing->params;
-    const struct technique_frame frame =
-        frame_of(params, showing->view, renderer_depth_framebuffer(showing->renderer));
+    const struct technique_frame frame = frame_of(params, showing->view, showing->ahead,
+                                                  renderer_depth_framebuffer(showing->renderer));
     field_texture_bind(params->heights);
     showing->technique->ops->update(showing->technique, &frame);
     technique_timer_mark(showing->timer, MARK_DRAW);
@@ -84,10 +104,10 @@ static void show(void *user)
 }
 
 void technique_show(struct technique *technique, const struct technique_params *params,
-                    struct renderer *renderer, const struct view *view,
+                    struct renderer *renderer, const struct view *view, const struct view *ahead,
                     struct technique_timer *timer)
 {
-    struct showing showing = {technique, params, renderer, view, timer};
+    struct showing showing = {technique, params, renderer, view, ahead, timer};
     technique_timer_mark(timer, MARK_UPDATE);
     renderer_redraw_with(renderer, show, &showing);
     technique_timer_mark(timer, MARK_END);
@@ -96,7 +116,7 @@ void technique_show(struct technique *technique, const struct technique_params *
 void technique_draw_again(void *user, unsigned framebuffer, int width, int height)
 {
     const struct technique_again *again = user;
-    struct technique_frame frame = frame_of(again->params, again->view, framebuffer);
+    struct technique_frame frame = frame_of(again->params, again->view, NULL, framebuffer);
     frame.width = width;
     frame.height = height;
     field_texture_bind(again->params->heights);
@@ -127,6 +147,6 @@ static void show_edges(void *user)
 void technique_show_edges(struct technique *technique, const struct technique_params *params,
                           struct renderer *renderer, const struct view *view)
 {
-    struct showing showing = {technique, params, renderer, view, NULL};
+    struct showing showing = {technique, params, renderer, view, NULL, NULL};
     renderer_redraw_with(renderer, show_edges, &showing);
 }

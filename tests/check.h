@@ -55,6 +55,13 @@ static const char *check_title = "";
                        check_n);                                                                   \
     } while (0)
 
+/* How often a test interrupts something: as often as OTWD_KILLS says, which long runs set. */
+static inline int check_kills(int by_default)
+{
+    const char *text = getenv("OTWD_KILLS");
+    return text ? atoi(text) : by_default;
+}
+
 struct check_test {
     const char *title;
     void (*run)(void);

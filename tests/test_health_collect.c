@@ -143,7 +143,7 @@ static void a_recording_keeps_within_its_limit_and_says_so(void)
         if (i % 128 == 127)
             clock_sleep_until(clock_monotonic_ns() + 100 * NSEC_PER_MSEC);
     }
-    for (int i = 0; i < 50 && !status.removed; i++) {
+    for (int i = 0; i < 50 && status.recorded < 512; i++) {
         clock_sleep_until(clock_monotonic_ns() + 20 * NSEC_PER_MSEC);
         recorder_status(recorder, &status, &diag);
     }

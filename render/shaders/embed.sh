@@ -14,7 +14,9 @@ shared_of()
     mesh.* | raster*) cat "$folder/common.glsl" "$folder/raster.glsl" ;;
     reach.* | select.*) cat "$folder/common.glsl" "$folder/blocks.glsl" ;;
     technique_persistent_grid*)
-        cat "$folder/common.glsl" "$folder/field.glsl" "$folder/technique_persistent_grid.glsl" ;;
+        cat "$folder/common.glsl" "$folder/field.glsl" "$folder/technique_persistent_grid.glsl" \
+            "$folder/technique_persistent_grid_depth.glsl" ;;
+    technique_rag*) cat "$folder/common.glsl" "$folder/field.glsl" "$folder/technique_rag.glsl" ;;
     technique_*) cat "$folder/common.glsl" "$folder/field.glsl" ;;
     *) cat "$folder/common.glsl" ;;
     esac
@@ -33,10 +35,13 @@ check()
             printf '#define RASTER %d\n#define SENT %d\n' "${variant%% *}" "${variant%% *}"
             printf '#define BLOCK 8\n#define TABLE 32\n#define DRAWS 2\n#define BLOCKS_A_DRAW 9\n'
             printf '#define FIELD_COL 128\n#define FIELD_ROW 128\n#define FIELD_CELLS 256\n'
+            printf '#define FIELD_PIECE 128\n'
             printf '#define FIELD_PANE 1\n#define GRID_CELLS 128\n#define LEVELS 10\n'
-            printf '#define LANES 64\n#define PANE_LANES 64\n#define GROUND 1\n#define SKY %d\n' "${variant%% *}"
+            printf '#define LANES 64\n#define PANE_LANES 64\n'
+            printf '#define GROUND 1\n#define SKY %d\n' "${variant%% *}"
             printf '#define SAMPLE_PLACES vec2(0.25), vec2(0.75)\n#define IMAGE_TAPS 4\n#define STORAGE 256\n'
             printf '#define PATCH_CELLS 128\n#define BLOCK_CELLS 16\n'
+            printf '#define OBLIQUE %d\n#define LOOKS 1\n#define BOX_LOG 4\n' "${variant%% *}"
             printf '#define CORNERS 24\n#define WARP 1\n#define EDGES 1\n'
             shared_of "$1"
             cat "$1"

@@ -1,18 +1,39 @@
 // The ground that the compared techniques draw (terrain/field.h): heights of posts, and where they
 // are. Positions are relative to the eye; what two triangles share has to be computed from the same
 // post or place by the same function.
-layout(binding = 8) uniform sampler2D field_heights; // m above the ellipsoid
+layout(binding = 8) uniform sampler2DArray field_heights; // m above the ellipsoid
+
+// Which piece of the field has a cell: one has all, where the GPU's textures are large enough. Pieces
+// beside each other both have the posts of the edge between them.
+ivec2 field_piece(ivec2 cell)
+{
+#if FIELD_PIECE < FIELD_CELLS
+    return min(cell / FIELD_PIECE, ivec2(FIELD_CELLS / FIELD_PIECE - 1));
+#else
+    return ivec2(0);
+#endif
+}
+
+int field_layer(ivec2 piece)
+{
+    return piece.y * (FIELD_CELLS / FIELD_PIECE) + piece.x;
+}
 
 // Of a post; beyond the edges that of the edge.
 float field_height(ivec2 post)
 {
-    return texelFetch(field_heights, clamp(post, ivec2(0), ivec2(FIELD_CELLS)), 0).r;
+    ivec2 at = clamp(post, ivec2(0), ivec2(FIELD_CELLS)), piece = field_piece(at);
+    return texelFetch(field_heights, ivec3(at - piece * FIELD_PIECE, field_layer(piece)), 0).r;
 }
 
 // Of a place between posts, bilinear, by the GPU's filter: its weights may have 8 bits.
 float field_height_filtered(vec2 at)
 {
-    return textureLod(field_heights, (at + 0.5) / float(FIELD_CELLS + 1), 0.0).r;
+    ivec2 piece = field_piece(ivec2(max(at, vec2(0.0))));
+    vec2 within = at - vec2(piece * FIELD_PIECE);
+    return textureLod(field_heights,
+                      vec3((within + 0.5) / float(FIELD_PIECE + 1), float(field_layer(piece))), 0.0)
+        .r;
 }
 
 // Of a place between posts, on the triangles that the ground is made of.

@@ -1,10 +1,13 @@
-// The vertices of a persistent grid, laid upon the ground (Houska 2019, sections 3.2.3 and 3.5).
+// The vertices of a slice of a persistent grid, laid upon the ground (Houska 2019, sections 3.2.3 and
+// 3.5).
 layout(local_size_x = 8, local_size_y = 8) in;
 
 layout(location = 0) uniform vec4 axes;          // east and north of right, and of forward
 layout(location = 1) uniform vec2 normals_per_m; // of the ground plane, east and north
 layout(location = 2) uniform ivec2 cells;        // columns and rows
-layout(location = 3) uniform float search_to_m;  // so far ahead are edges searched for
+layout(location = 3) uniform ivec2 slice;        // its first row, and rows of cells
+layout(location = 4) uniform float jitter;       // by which columns within are moved, in columns
+layout(location = 5) uniform float search_to_m;  // so far ahead are edges searched for
 layout(std430, binding = 1) writeonly buffer Vertices { float vertices[]; };
 
 const int STEPS = 8, HALVINGS = 5;
@@ -72,13 +75,14 @@ vec2 moved_to_edge(int row, float across)
 void main()
 {
     ivec2 at = ivec2(gl_GlobalInvocationID);
-    if (any(greaterThan(at, cells)))
+    if (any(greaterThan(at, ivec2(cells.x, slice.y))))
         return;
-    float across = float(at.x) / float(cells.x);
+    bool within = at.x > 0 && at.x < cells.x;
+    float across = (float(at.x) + (within ? jitter : 0.0)) / float(cells.x);
 #if EDGES
-    vec2 place = moved_to_edge(at.y, across);
+    vec2 place = moved_to_edge(slice.x + at.y, across);
 #else
-    vec2 place = place_of(at.y, across);
+    vec2 place = place_of(slice.x + at.y, across);
 #endif
     vec3 dn = difference_of(place);
     vec2 posts = posts_of(dn), inside = clamp(posts, 0.0, float(FIELD_CELLS));

@@ -7,7 +7,8 @@ const int SLOTS = 256; // of the importance
 layout(location = 0) uniform vec4 camera; // sine and cosine of its angle below the horizon; height, m;
                                           // widest line of the cover
 layout(location = 1) uniform ivec4 sizes; // columns and rows of cells; corners of the sides
-layout(location = 2) uniform vec2 left_side[CORNERS];
+layout(location = 2) uniform float jitter; // by which rows within are moved, in rows
+layout(location = 3) uniform vec2 left_side[CORNERS];
 layout(location = 40) uniform vec2 right_side[CORNERS];
 
 shared float sums[SLOTS];
@@ -90,10 +91,10 @@ float y_of_row(float row)
 // The row that is nearest to a corner of the outline goes through it: or the corner would be cut off.
 float y_at_corner(int row)
 {
-    float y = y_of_row(float(row));
     if (row == 0 || row == sizes.y)
-        return y;
-    float low = y_of_row(float(row) - 0.5), high = y_of_row(float(row) + 0.5), kept = y;
+        return y_of_row(float(row));
+    float at = float(row) + jitter;
+    float low = y_of_row(at - 0.5), high = y_of_row(at + 0.5), kept = y_of_row(at);
     for (int i = 1; i < sizes.z - 1; i++)
         if (left_side[i].y > low && left_side[i].y <= high)
             kept = left_side[i].y;

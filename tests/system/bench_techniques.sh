@@ -71,6 +71,21 @@ cmp -s both.json report/report.json || fail "report.json is not what was printed
 grep -q '</html>' report/report.html || fail "report.html is cut short"
 grep -q 'clipmap-edges.png' report/report.html || fail "report.html shows no edges"
 
+# Settings that are given are flown as they are, a technique at several of them, with no search.
+measure asked --techniques cdlod@4,cdlod@12,reference --report asked
+[ "$(cut -d, -f2-3 asked/flown.csv | tr '\n' ' ')" = \
+    'technique,setting cdlod,4 cdlod,12 reference,1 ' ] ||
+    fail "flown.csv: $(cat asked/flown.csv)"
+awk -F, 'NR == 1 { for (i = 1; i <= NF; i++) at[$i] = i; next }
+    { t[NR] = $at["triangles_p50"]; ok = NF == length(at) && $at["frame_ms_min"] > 0 &&
+        $at["frame_ms_mean"] >= $at["frame_ms_min"] && $at["frame_ms_max"] >= $at["frame_ms_mean"]
+      if (!ok) exit 1 }
+    END { exit !(t[3] > 1.2 * t[2]) }' asked/flown.csv || fail "flown.csv: $(cat asked/flown.csv)"
+[ "$(head -n 1 asked/frames.csv)" = 'time_s,cdlod@4,cdlod@12,reference@1' ] ||
+    fail "frames.csv: $(cat asked/frames.csv)"
+[ "$(wc -l <asked/frames.csv)" = 6 ] || fail "frames.csv: $(cat asked/frames.csv)"
+grep -q 'settings that were asked for' asked/report.html || fail "report.html has no table"
+
 # A flight that leaves the ground: the row says so.
 printf '20,47,10,3000,0,-30,65\n' >>flight.csv
 measure gone --techniques reference --spacing 4
@@ -88,6 +103,8 @@ expect() {
 expect 64 '--flight FLIGHT is missing'
 expect 64 'there is no technique "quadtrees"; there are clipmap, reference' \
     --flight flight.csv --techniques clipmap,quadtrees
+expect 64 'takes a number from' --flight flight.csv --techniques clipmap@100
+expect 64 'takes a power of two' --flight flight.csv --radius 100
 expect 64 'a power of two and one more' --flight flight.csv --posts 1000
 expect 66 'absent.csv' --flight absent.csv
 expect 66 'absent.db' --flight flight.csv --terrain absent.db

@@ -1,0 +1,193 @@
+/* What single techniques promise beyond what all are held to: the parts of the persistent grid, and
+ * the buffers of rag. */
+#include "render/technique_persistent_grid.h"
+#include "render/technique_rag.h"
+#include "tests/technique_fixture.h"
+
+/* Of the paper's additions to a grid each helps: tailoring, then warping; the search for edges
+ * where pictures are worst, and it does no harm elsewhere; frames made of others, of four times as
+ * many triangles. While the eye moves, what was seen from elsewhere changes nothing. */
+static void a_persistent_grids_parts_each_help(void)
+{
+    const unsigned TW = GRID_TAILORED | GRID_WARPED, TWE = TW | GRID_EDGES;
+    const struct {
+        const struct technique_ops *ops;
+        unsigned parts;
+        double columns;
+    } grids[7] = {{&technique_persistent_grid, 0, 120.0},
+                  {&technique_persistent_grid, GRID_TAILORED, 120.0},
+                  {&technique_persistent_grid, TW, 120.0},
+                  {&technique_persistent_grid, TWE, 120.0},
+                  {&technique_persistent_grid, TWE, 60.0},
+                  {&technique_persistent_grid_tweb, TWE | GRID_BETWEEN, 60.0},
+                  {&technique_persistent_grid_twebu, TWE | GRID_BETWEEN | GRID_KEPT, 60.0}};
+    static struct run runs[7];
+    struct stage stage;
+    struct diag diag = {""};
+    size_t count = 0;
+    if (!open_stage(&stage))
+        return;
+    const struct technique_params params = params_of(&stage);
+    struct technique *reference = open_technique(&stage, technique_find("reference"));
+    for (int i = 0; reference && i < 7; i++) {
+        struct technique *technique = NULL;
+        CHECK_INT(persistent_grid_create(&params, grids[i].ops, grids[i].parts, &technique, &diag),
+                  0);
+        if (technique)
+            open_run(technique, grids[i].columns, &runs[count++]);
+    }
+    CHECK_INT(count, 7);
+    if (count == 7) {
+        runs[4].pose_step = runs[5].pose_step;
+        judge_runs(&stage, reference, runs, count);
+        CHECK(runs[1].verdict.error_px.p99 < runs[0].verdict.error_px.p99);
+        CHECK(runs[2].verdict.error_px.p99 < runs[1].verdict.error_px.p99);
+        CHECK(runs[3].verdict.error_px.p99 < 1.1 * runs[2].verdict.error_px.p99);
+        CHECK(runs[3].verdict.worst_db > runs[2].verdict.worst_db);
+        CHECK(runs[5].verdict.error_px.p99 < runs[4].verdict.error_px.p99);
+        CHECK(runs[5].verdict.worst_db > runs[4].verdict.worst_db);
+        CHECK(runs[6].verdict.error_px.p99 == runs[5].verdict.error_px.p99);
+        CHECK(runs[6].verdict.worst_db == runs[5].verdict.worst_db);
+    }
+    close_runs(runs, count);
+    technique_destroy(reference);
+    close_stage(&stage);
+}
+
+/* How near to the truth a technique's picture is of a pose where the eye has rested for so many
+ * frames, the view turning from side to side. */
+static struct quality_difference show_resting(struct stage *stage, struct technique *technique,
+                                              struct quality *quality, int pose, int frames)
+{
+    const struct technique_params params = params_of(stage);
+    struct quality_difference difference = {0};
+    for (int frame = 1 - frames; frame <= 0; frame++) {
+        struct view view = flown_view(pose, frame % 2);
+        view.eye = pose_view(pose).eye;
+        draw(&stage->scene, &view, NULL, NULL, NULL);
+        technique_show(technique, &params, stage->scene.renderer, &view, NULL, NULL);
+    }
+    CHECK_INT(quality_against_kept(quality, stage->scene.renderer, &difference), 0);
+    return difference;
+}
+
+static void a_resting_eye_sees_more_and_more(void)
+{
+    struct stage stage;
+    struct technique *reference = NULL, *grid = NULL;
+    struct quality *quality = NULL;
+    struct diag diag = {""};
+    if (!open_stage(&stage))
+        return;
+    const struct technique_params params = params_of(&stage);
+    const struct quality_params quality_params = {WIDTH,           HEIGHT, ASKED_A_POSE,
+                                                  stage.reference, NULL,   stage.field};
+    CHECK_INT(technique_create(technique_find("reference"), &params, &reference, &diag), 0);
+    CHECK_INT(technique_create(&technique_persistent_grid_tweu, &params, &grid, &diag), 0);
+    CHECK_INT(quality_create(&quality_params, &quality, &diag), 0);
+    if (!reference || !grid || !quality)
+        return;
+    const int low = 4; /* along the ground, where summits are missed */
+    CHECK_INT(grid->ops->tune(grid, 40.0), 0);
+    struct view view = pose_view(low);
+    draw(&stage.scene, &view, NULL, NULL, NULL);
+    technique_show(reference, &params, stage.scene.renderer, &view, NULL, NULL);
+    CHECK_INT(quality_keep(quality, stage.scene.renderer), 0);
+    struct quality_difference first = show_resting(&stage, grid, quality, low, 1);
+    struct quality_difference later = show_resting(&stage, grid, quality, low, 40);
+    printf("     %.2f dB, %llu holes at first; %.2f dB, %llu holes after 40 frames\n",
+           first.psnr_db, (unsigned long long)first.holes, later.psnr_db,
+           (unsigned long long)later.holes);
+    CHECK(later.psnr_db > first.psnr_db + 1.0);
+    CHECK(later.holes < first.holes);
+    quality_destroy(quality);
+    technique_destroy(grid);
+    technique_destroy(reference);
+    close_stage(&stage);
+}
+
+/* Looks straight down: no sky is seen. */
+static struct rag_counts refine(struct stage *stage, const struct rag_settings *settings,
+                                double tolerance_px)
+{
+    const struct technique_params params = params_of(stage);
+    struct technique *technique = NULL;
+    struct view view = pose_view(3);
+    struct technique_facts facts;
+    struct diag diag = {""};
+    if (rag_create(&params, settings, &technique, &diag) < 0) {
+        CHECK_FAIL("%s", diag.text);
+        return (struct rag_counts){0};
+    }
+    technique->ops->tune(technique, tolerance_px);
+    draw(&stage->scene, &view, NULL, NULL, NULL);
+    technique_show(technique, &params, stage->scene.renderer, &view, NULL, NULL);
+    CHECK_INT(count_sky(stage), 0);
+    struct rag_counts counts = rag_counts(technique);
+    technique->ops->facts(technique, &facts);
+    CHECK_INT(facts.note != NULL, counts.has_overflowed);
+    technique_destroy(technique);
+    return counts;
+}
+
+/* What does not fit into the buffers is left out by passes, not by triangles. */
+static void rag_shows_what_fits(void)
+{
+    const struct rag_settings ample = {
+        .oblique = true, .vertices = 17, .passes = RAG_PASSES_MOST, .samples = 1};
+    struct rag_settings scant = ample, none = ample;
+    struct stage stage;
+    scant.triangles = 2000;
+    none.triangles = 1; /* the coarse mesh always fits */
+    if (!open_stage(&stage))
+        return;
+    struct rag_counts all = refine(&stage, &ample, 0.1);
+    struct rag_counts some = refine(&stage, &scant, 0.1);
+    struct rag_counts few = refine(&stage, &none, 0.1);
+    struct rag_counts done = refine(&stage, &ample, 1e6);
+    CHECK(!all.has_overflowed);
+    CHECK_INT(all.passes, 5); /* from 32 posts to one */
+    CHECK(some.has_overflowed && few.has_overflowed);
+    CHECK(some.passes < all.passes && few.passes < some.passes);
+    CHECK(some.triangles <= 2000 && some.triangles > 2 * few.triangles);
+    CHECK(few.triangles > 0 && few.triangles <= 2 * 16 * 16);
+    CHECK(!done.has_overflowed);
+    CHECK_INT(done.passes, 1); /* which found that there is nothing to do */
+    close_stage(&stage);
+}
+
+static void rag_asks_for_geometry_shaders(void)
+{
+    const struct rag_settings wrong[3] = {{.vertices = 1, .samples = 1},
+                                          {.vertices = 17, .passes = 15, .samples = 1},
+                                          {.vertices = 17}};
+    struct technique *technique = NULL;
+    struct stage stage;
+    if (!open_stage(&stage))
+        return;
+    struct gl_facts without = gl;
+    struct technique_params params = params_of(&stage);
+    struct diag diag = {""};
+    for (int i = 0; i < 3; i++)
+        CHECK_INT(rag_create(&params, &wrong[i], &technique, &diag), -EINVAL);
+    params.facts = &without;
+    without.max_geometry_vertices = 0;
+    CHECK_INT(technique_create(&technique_rag, &params, &technique, &diag), -ENOTSUP);
+    CHECK_CONTAINS(diag.text, "geometry shaders");
+    without = gl;
+    without.max_geometry_buffers = 0;
+    CHECK_INT(technique_create(&technique_rag_oblique, &params, &technique, &diag), -ENOTSUP);
+    CHECK_CONTAINS(diag.text, "buffers");
+    close_stage(&stage);
+}
+
+int main(void)
+{
+    static const struct check_test tests[] = {
+        {"a persistent grid's parts each help", a_persistent_grids_parts_each_help},
+        {"a resting eye sees more and more", a_resting_eye_sees_more_and_more},
+        {"rag shows what fits", rag_shows_what_fits},
+        {"rag asks for geometry shaders", rag_asks_for_geometry_shaders},
+    };
+    return render_tests_main(tests, sizeof(tests) / sizeof(tests[0]), check_main);
+}
