@@ -37,13 +37,13 @@ static bool is_dropped(struct worker *worker)
 static bool do_jobs(struct worker *worker)
 {
     const struct worker_params *params = &worker->params;
-    nsec_t untold_ns = clock_monotonic_ns(), now_ns = untold_ns;
+    nsec_t untold_ns = clock_monotonic_ns();
     bool untold = false, any = false;
     while (!is_dropped(worker) && ring_take(&worker->jobs, worker->job)) {
         params->work(params->user, worker->job, worker->answer);
         ring_put(&worker->answers, worker->answer); /* there is room: no more than `waiting` */
         any = untold = true;
-        now_ns = clock_monotonic_ns();
+        nsec_t now_ns = clock_monotonic_ns();
         if (now_ns - untold_ns < TOLD_AFTER_NS)
             continue;
         eventfd_write(worker->event_fd, 1);

@@ -31,6 +31,7 @@ struct source_slot {
     nsec_t retry_ns;
     /* When it last could not be read, refused a packet, or lost one to a full queue; 0 = never. */
     nsec_t failed_ns, refused_ns, overrun_ns;
+    nsec_t pass_ns;    /* when the next pose may go on to the picture */
     uint64_t refused;  /* packets, late ones not counted, that were seen */
     uint64_t overrun;  /* packets lost to a full queue that were seen */
     bool failed, lost; /* as logged */

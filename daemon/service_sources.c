@@ -10,6 +10,8 @@
 
 #define RETRY_NS           NSEC_PER_SEC
 #define CARRIED_SILENCE_NS (250 * NSEC_PER_MSEC)
+#define POSE_PERIOD_NS     NSEC_PER_MSEC
+#define POSES_AT_ONCE      100
 #define HOLD_NS            (2 * NSEC_PER_SEC) /* how long a refusal or a failed read counts as a fault */
 
 struct motion_params config_motion(const struct config *config, int source)
@@ -64,10 +66,22 @@ void sources_drive(struct service *service, int index, const struct pose *pose)
         otwlog_add_pose(recorder_writer(service->recorder), (unsigned)index, pose);
 }
 
+/* Whoever sends poses as fast as a network can must not take the drawing thread's time: beyond
+ * POSES_AT_ONCE, one each POSE_PERIOD_NS goes on to the picture. */
+static bool may_pass(struct source_slot *slot, nsec_t now_ns)
+{
+    nsec_t least_ns = now_ns - POSES_AT_ONCE * POSE_PERIOD_NS;
+    if (slot->pass_ns > now_ns)
+        return false;
+    slot->pass_ns = (slot->pass_ns > least_ns ? slot->pass_ns : least_ns) + POSE_PERIOD_NS;
+    return true;
+}
+
 void source_take_pose(struct source_slot *slot, const struct pose *pose)
 {
     struct service *service = slot->service;
-    if (arbiter_offer(&service->arbiter, (int)slot->index, pose, clock_monotonic_ns()))
+    nsec_t now_ns = clock_monotonic_ns();
+    if (arbiter_offer(&service->arbiter, (int)slot->index, pose, now_ns) && may_pass(slot, now_ns))
         sources_drive(service, (int)slot->index, pose);
 }
 

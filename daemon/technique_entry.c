@@ -18,7 +18,8 @@ static int start(struct entry *entry, struct stage *stage)
     if (r == 0)
         r = entry_show(entry, stage, &view, &cost);
     double first_ms = milliseconds_from_ns(clock_monotonic_ns() - start_ns);
-    entry->start_ms += entry->ops ? cost.frame_ms : first_ms;
+    if (r == 0)
+        entry->start_ms += entry->ops ? cost.frame_ms : first_ms;
     return r;
 }
 

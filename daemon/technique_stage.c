@@ -100,7 +100,7 @@ static int open_renderer(struct stage *stage, const struct stage_params *params,
     const struct renderer_params renderer = {
         .width = channel->width,
         .height = channel->height,
-        .shape = clipmap_shape_of_depth(radius, radius * usual.block / usual.radius, depth),
+        .shape = clipmap_shape_of_depth(radius, usual.block, depth),
         .source = terrain.source,
         .fallback = terrain.fallback,
         .geoid = terrain.geoid,

@@ -13,7 +13,8 @@
 #define LENGTH(array) (sizeof(array) / sizeof((array)[0]))
 
 #define CYCLE_DEFAULT_NS (100 * NSEC_PER_MSEC) /* of the position, until two have come */
-#define TOGETHER_NS      (4 * NSEC_PER_MSEC)   /* what comes within that is of one cycle */
+#define CYCLE_MOST_NS    (60 * NSEC_PER_SEC)
+#define TOGETHER_NS      (4 * NSEC_PER_MSEC) /* what comes within that is of one cycle */
 #define HEIGHT_GONE      3   /* cycles of the position without it: then another height has to do */
 #define SLOPE_S          0.1 /* over which it is taken, and may be used */
 #define SLOPE_MOST       300.0 /* m/s^2 or deg/s: beyond it somebody was moved */
@@ -333,9 +334,18 @@ static bool complete_fix(struct can_assembly *assembly, enum can_quantity quanti
     return true;
 }
 
+/* A silence of hours, or a log whose clock jumps by years, is no cycle. */
+static nsec_t interval_at(const struct can_piece *piece, nsec_t now_ns)
+{
+    nsec_t interval_ns = piece->known ? now_ns - piece->time_ns : 0;
+    if (interval_ns > CYCLE_MOST_NS)
+        return CYCLE_MOST_NS;
+    return interval_ns < -CYCLE_MOST_NS ? -CYCLE_MOST_NS : interval_ns;
+}
+
 static void store(struct can_piece *piece, double value, bool wraps, nsec_t now_ns)
 {
-    piece->interval_ns = piece->known ? now_ns - piece->time_ns : 0;
+    piece->interval_ns = interval_at(piece, now_ns);
     nsec_t longer_ns = piece->cycle_ns + piece->cycle_ns / 16;
     piece->cycle_ns =
         piece->cycle_ns > 0 && piece->interval_ns > longer_ns ? longer_ns : piece->interval_ns;

@@ -48,8 +48,7 @@ static int read_head(const struct flight_input *input, struct line_reader *lines
 {
     char line[LINE_MAX_BYTES];
     bool given = false;
-    int r;
-    while ((r = line_reader_next(lines, line)) > 0) {
+    while (line_reader_next(lines, line) > 0) {
         if (line[0] == '#') {
             if (read_datum(line, &given, ret_datum) < 0)
                 return diag_set(diag, -EBADMSG,

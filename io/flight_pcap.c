@@ -32,7 +32,8 @@ struct capture {
     bool big, nanoseconds;
     uint32_t link;
     size_t offset;
-    uint64_t udp_packets, foreign;
+    uint64_t udp_packets;
+    bool refused;    /* a packet; the sentence stands in diag */
     nsec_t heard_ns; /* when the entity that is dead-reckoned told its last state */
     struct intake intakes[POSE_PROTOCOLS]; /* those of CAN stay unused */
 };
@@ -203,10 +204,8 @@ static int take_payload(struct capture *c, const struct flight_params *params,
 {
     c->udp_packets++;
     struct intake *intake = intake_for(c, params, payload);
-    if (!intake) {
-        c->foreign++;
+    if (!intake)
         return 0;
-    }
     struct pose pose;
     struct rejection rejection;
     const struct dis_tracker before = intake->dis;
@@ -215,6 +214,7 @@ static int take_payload(struct capture *c, const struct flight_params *params,
         return 0;
     if (r < 0) {
         diag_set(diag, 0, "%s: byte %zu: %s", c->input->name, c->offset, rejection.text);
+        c->refused = true;
         if (!flight->note.text[0])
             flight->note = *diag;
         return 0;
@@ -290,6 +290,9 @@ static int pcap_read(const struct flight_input *input, const struct flight_param
         return diag_set(diag, -EBADMSG,
                         "%s: none of its %llu UDP packets is a pose that this program knows",
                         input->name, (unsigned long long)c.udp_packets);
+    if (r == 0 && flight->count == 0 && !c.refused)
+        return diag_set(diag, -EBADMSG, "%s: what it holds is sound, but not about own-ship",
+                        input->name);
     if (r == 0 && flight->count == 0)
         return -EBADMSG; /* the last refusal stands in diag */
     return r;

@@ -210,9 +210,10 @@ int health_swap_parse(const char *text, struct health_swap *ret_swap)
                         " out of step, skew %" SCNd64 " us",
                         &swap.present, &swap.channels, &swap.frames, &swap.timeouts,
                         &swap.out_of_step, &skew_us);
-    swap.skew_worst_ns = skew_us * NSEC_PER_USEC;
-    *ret_swap = fields == 6 ? swap : (struct health_swap){0};
-    return fields == 6 ? 0 : -EBADMSG;
+    bool good = fields == 6 && skew_us >= 0 && skew_us <= INT64_MAX / NSEC_PER_USEC;
+    swap.skew_worst_ns = good ? skew_us * NSEC_PER_USEC : 0;
+    *ret_swap = good ? swap : (struct health_swap){0};
+    return good ? 0 : -EBADMSG;
 }
 
 const char *health_state_name(unsigned state)

@@ -184,13 +184,20 @@ void pose_source_close(struct pose_source *source)
     free(source);
 }
 
+/* One sentence a second: true where another is too early, which is counted. In a flood not even the
+ * text is to be made. */
+static bool hold_back(struct pose_source *source, nsec_t now_ns)
+{
+    bool early = source->trouble_ns && now_ns - source->trouble_ns < NSEC_PER_SEC;
+    source->untold += early;
+    return early;
+}
+
 static void tell(struct pose_source *source, nsec_t now_ns, const struct pose_source_events *events,
                  const char *text)
 {
-    if (source->trouble_ns && now_ns - source->trouble_ns < NSEC_PER_SEC) {
-        source->untold++;
+    if (hold_back(source, now_ns))
         return;
-    }
     char sentence[DIAG_TEXT_MAX];
     if (source->untold)
         snprintf(sentence, sizeof(sentence), "source %s: %s (and %llu more since the last message)",
@@ -211,7 +218,8 @@ static void take_result(struct pose_source *source, nsec_t now_ns,
         source->accepted_ns = pose->receive_ns;
     if (r > 0 && events->pose)
         events->pose(events->context, source, pose);
-    if (rejection->reason != REJECT_NONE && rejection->reason != REJECT_LATE) { /* not news */
+    bool news = rejection->reason != REJECT_NONE && rejection->reason != REJECT_LATE;
+    if (news && !hold_back(source, now_ns)) {
         char text[sizeof(rejection->text) + 64];
         snprintf(text, sizeof(text), "packet refused (%s): %s",
                  reject_reason_name(rejection->reason), rejection->text);
@@ -225,6 +233,8 @@ static void refuse_sender(struct pose_source *source, nsec_t now_ns,
     char who[ADDRESS_TEXT_MAX], text[ADDRESS_TEXT_MAX + 64];
     source->intake.counters.received++;
     source->intake.counters.rejected[REJECT_SENDER]++;
+    if (hold_back(source, now_ns))
+        return;
     address_format(sender, who);
     snprintf(text, sizeof(text), "packet refused (sender): %s is not on the allow-list", who);
     tell(source, now_ns, events, text);

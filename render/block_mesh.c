@@ -12,7 +12,8 @@
 /* By software draws are small and handed over one by one: one is rasterised while the next one's
  * vertices are gone through. */
 #define SOFTWARE_BLOCKS 128
-#define BLOCKS_LEAST    512 /* of a level, that there is room for */
+#define BLOCKS_LEAST    512  /* of a level, that there is room for */
+#define PANE_LANES      1024 /* of reach.comp: they go over a pane's blocks together */
 #define LANES_SOFTWARE  64
 /* A GPU has room for all blocks at a time: the shorter the way of one, the better. */
 #define LANES_MOST 512
@@ -167,10 +168,11 @@ static int create_programs(struct block_mesh *mesh, struct diag *diag)
         snprintf(defines, sizeof(defines),
                  "#define BLOCK %d\n#define TABLE %d\n#define DRAWS %u\n"
                  "#define BLOCKS_A_DRAW %u\n#define SPLIT %d\n#define RASTER %d\n"
-                 "#define LANES %d\n",
+                 "#define LANES %d\n#define PANE_LANES %d\n",
                  mesh->shape.block, clipmap_table(&mesh->shape), mesh->draw_count,
                  mesh->blocks_a_draw, programs[i].split, programs[i].raster,
-                 mesh->software ? LANES_SOFTWARE : lanes);
+                 mesh->software ? LANES_SOFTWARE : lanes,
+                 mesh->software ? LANES_SOFTWARE : PANE_LANES);
         const struct program_params params = {
             .name = programs[i].name, .defines = defines, .shared = {programs[i].shared}};
         r = program_create(&params, programs[i].program, diag);

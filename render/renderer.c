@@ -187,23 +187,40 @@ static void begin_pass(struct renderer *renderer, enum pass pass, const char *na
         glPushDebugGroup(GL_DEBUG_SOURCE_APPLICATION, pass, -1, name);
 }
 
+static void shade_in_compute(const struct renderer *renderer)
+{
+    glBindImageTexture(0, renderer->colour, 0, GL_FALSE, 0, GL_WRITE_ONLY, GL_RGBA8);
+    glDispatchCompute((GLuint)(renderer->width + SHADE_GROUP - 1) / SHADE_GROUP,
+                      (GLuint)(renderer->height + SHADE_GROUP - 1) / SHADE_GROUP, 1);
+    glMemoryBarrier(GL_FRAMEBUFFER_BARRIER_BIT | GL_PIXEL_BUFFER_BARRIER_BIT);
+}
+
+/* A software rasteriser runs both sides of a branch, but nothing of a fragment that fails the depth
+ * test: ground and sky are drawn apart, by the depth that they read and do not write. */
+static void shade_by_triangles(const struct renderer *renderer)
+{
+    glBindFramebuffer(GL_FRAMEBUFFER, renderer->framebuffer);
+    glBindVertexArray(renderer->empty_array);
+    glDepthMask(GL_FALSE);
+    glDepthFunc(renderer->sky_program ? GL_LESS : GL_ALWAYS);
+    glDrawArrays(GL_TRIANGLES, 0, 3);
+    glDepthFunc(GL_GEQUAL);
+    if (renderer->sky_program) {
+        glUseProgram(renderer->sky_program);
+        glDrawArrays(GL_TRIANGLES, 0, 3);
+    }
+    glDepthMask(GL_TRUE);
+}
+
 /* The terrain pass left the clipmap's textures bound. */
 static void shade(struct renderer *renderer)
 {
     glBindTextureUnit(3, renderer->rastered ? raster_texture(renderer->raster) : renderer->depth);
     glUseProgram(renderer->shade_program);
-    if (renderer->shade_in_compute) {
-        glBindImageTexture(0, renderer->colour, 0, GL_FALSE, 0, GL_WRITE_ONLY, GL_RGBA8);
-        glDispatchCompute((GLuint)(renderer->width + SHADE_GROUP - 1) / SHADE_GROUP,
-                          (GLuint)(renderer->height + SHADE_GROUP - 1) / SHADE_GROUP, 1);
-        glMemoryBarrier(GL_FRAMEBUFFER_BARRIER_BIT | GL_PIXEL_BUFFER_BARRIER_BIT);
-    } else {
-        glBindFramebuffer(GL_FRAMEBUFFER, renderer->framebuffer);
-        glDisable(GL_DEPTH_TEST);
-        glBindVertexArray(renderer->empty_array);
-        glDrawArrays(GL_TRIANGLES, 0, 3);
-        glEnable(GL_DEPTH_TEST);
-    }
+    if (renderer->shade_in_compute)
+        shade_in_compute(renderer);
+    else
+        shade_by_triangles(renderer);
 }
 
 /* Where this frame's samples may lie: several of a pixel at some of its sixteenths. */

@@ -80,6 +80,8 @@ static int create_framebuffers(struct renderer *renderer, struct diag *diag)
     glTextureStorage2D(renderer->colour, 1, GL_RGBA8, width, height);
     glCreateFramebuffers(1, &renderer->framebuffer);
     glNamedFramebufferTexture(renderer->framebuffer, GL_COLOR_ATTACHMENT0, renderer->colour, 0);
+    if (one)
+        glNamedFramebufferTexture(renderer->framebuffer, GL_DEPTH_ATTACHMENT, renderer->depth, 0);
     const GLuint both[] = {renderer->geometry_framebuffer, renderer->framebuffer};
     if (glGetError() == GL_OUT_OF_MEMORY)
         return diag_set(diag, -ENOMEM, "no GPU memory for frames of %d x %d pixels", width, height);
@@ -121,18 +123,30 @@ static void describe_samples(const struct renderer *renderer, size_t size, char 
     snprintf(ret + used, size - used, "\n");
 }
 
-static int create_shading(struct renderer *renderer, const struct gl_facts *facts,
-                          struct diag *diag)
+static int create_shade_program(const struct renderer *renderer, const struct gl_facts *facts,
+                                bool ground, bool sky, GLuint *ret_program, struct diag *diag)
 {
     char defines[512];
-    size_t images = (size_t)snprintf(
-        defines, sizeof(defines), "%s#define IMAGE_TAPS %d\n#define STORAGE %d\n",
-        image_pass_defines(renderer->images), facts->image_taps, clipmap_storage(&renderer->shape));
-    describe_samples(renderer, sizeof(defines) - images, defines + images);
+    size_t used = (size_t)snprintf(
+        defines, sizeof(defines),
+        "%s#define IMAGE_TAPS %d\n#define STORAGE %d\n#define GROUND %d\n#define SKY %d\n",
+        image_pass_defines(renderer->images), facts->image_taps, clipmap_storage(&renderer->shape),
+        ground, sky);
+    describe_samples(renderer, sizeof(defines) - used, defines + used);
     const struct program_params shade = {.name = facts->software ? "shade" : "shade_compute",
                                          .defines = defines,
                                          .shared = {"images.glsl", "shade.glsl"}};
-    return program_create(&shade, &renderer->shade_program, diag);
+    return program_create(&shade, ret_program, diag);
+}
+
+static int create_shading(struct renderer *renderer, const struct gl_facts *facts,
+                          struct diag *diag)
+{
+    bool apart = facts->software && renderer->samples == 1;
+    int r = create_shade_program(renderer, facts, true, !apart, &renderer->shade_program, diag);
+    if (r == 0 && apart)
+        r = create_shade_program(renderer, facts, false, true, &renderer->sky_program, diag);
+    return r;
 }
 
 /* Passes the sources on; what has not been passed on when it fails is destroyed. */
@@ -212,6 +226,7 @@ void renderer_destroy(struct renderer *renderer)
     raster_destroy(renderer->raster);
     entity_pass_destroy(renderer->entity_pass);
     glDeleteProgram(renderer->shade_program);
+    glDeleteProgram(renderer->sky_program);
     glDeleteVertexArrays(1, &renderer->empty_array);
     glDeleteFramebuffers(2, (GLuint[]){renderer->framebuffer, renderer->geometry_framebuffer});
     glDeleteTextures(2, (GLuint[]){renderer->colour, renderer->depth});

@@ -23,6 +23,7 @@ struct renderer {
     struct clipmap_pass *clipmap;
     struct image_pass *images; /* NULL: there is no imagery */
     GLuint shade_program;
+    GLuint sky_program;    /* of pixels without ground; 0: shade_program is of all */
     bool shade_in_compute; /* else by a triangle over the screen: docs/decisions/0003 */
     GLuint empty_array;
     struct raster *raster;              /* draws the terrain; NULL: the GL's own does */

@@ -31,8 +31,7 @@ static bool has_journal(const char *path)
  * made; SQLite then says so on the first read, and immutable is the way in. */
 static int open_read_only(struct database *database, struct diag *diag)
 {
-    int r = sqlite3_open_v2(database->path, &database->sql,
-                            SQLITE_OPEN_READONLY | SQLITE_OPEN_NOMUTEX, NULL);
+    int r = database_sql_open(database, database->path, SQLITE_OPEN_READONLY);
     if (r == SQLITE_OK)
         r = sqlite3_exec(database->sql, "SELECT count(*) FROM sqlite_master", NULL, NULL, NULL);
     if ((r & 0xff) == SQLITE_CANTOPEN || (r & 0xff) == SQLITE_READONLY) {
@@ -44,8 +43,7 @@ static int open_read_only(struct database *database, struct diag *diag)
                             database->path);
         immutable_uri(database->path, uri, sizeof(uri));
         sqlite3_close(database->sql);
-        r = sqlite3_open_v2(uri, &database->sql,
-                            SQLITE_OPEN_READONLY | SQLITE_OPEN_NOMUTEX | SQLITE_OPEN_URI, NULL);
+        r = database_sql_open(database, uri, SQLITE_OPEN_READONLY | SQLITE_OPEN_URI);
         if (r == SQLITE_OK)
             r = sqlite3_exec(database->sql, "SELECT count(*) FROM sqlite_master", NULL, NULL, NULL);
     }

@@ -50,6 +50,8 @@ static int extent_from_tiles(struct database *database, const char *query,
     while (r >= 0 && (r = database_sql_step(database, statement, "reading tiles", diag)) == 1) {
         const struct grid *grid = &database->grid;
         struct tile_id id = tile_id_from_key(sqlite3_column_int64(statement, 0));
+        if (!grid_has_tile(grid, id)) /* verify tells of it */
+            continue;
         unsigned shift = grid_lon_shift(grid, id.level, id.row);
         int64_t west = (int64_t)id.col * TILE_CELLS, east = west + TILE_CELLS;
         int64_t around = grid_cells_around(grid, id.level, shift);

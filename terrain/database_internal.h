@@ -26,6 +26,10 @@ struct database {
 /* The tile of a row of TILE_COLUMNS, its checksum checked; the caller finishes the record. */
 int database_take_record(sqlite3_stmt *row, struct tile_record *ret_record, struct diag *diag);
 
+/* Opens `database->sql`; `flags` of sqlite3_open_v2(). What is in the file is data: views and
+ * triggers are refused, functions in its schema are not called. Returns SQLite's code. */
+int database_sql_open(struct database *database, const char *name, int flags);
+
 /* The errno that an SQLite result stands for, and a sentence that begins with the file's name. */
 int database_sql_error(const struct database *database, const char *doing, struct diag *diag);
 

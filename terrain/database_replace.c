@@ -13,8 +13,7 @@ static int open_writable(const char *path, struct database **ret_database, struc
     if (!database)
         return -ENOMEM;
     snprintf(database->path, sizeof(database->path), "%s", path);
-    int r = sqlite3_open_v2(path, &database->sql, SQLITE_OPEN_READWRITE | SQLITE_OPEN_NOMUTEX,
-                            NULL) == SQLITE_OK
+    int r = database_sql_open(database, path, SQLITE_OPEN_READWRITE) == SQLITE_OK
                 ? 0
                 : database_sql_error(database, "opening", diag);
     if (r == 0)

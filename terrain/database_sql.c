@@ -8,6 +8,20 @@
 #include <sys/statvfs.h>
 #include <zlib.h>
 
+#define VALUE_BYTES_MAX (64 << 20) /* of any value */
+
+int database_sql_open(struct database *database, const char *name, int flags)
+{
+    int code = sqlite3_open_v2(name, &database->sql, flags | SQLITE_OPEN_NOMUTEX, NULL);
+    if (code != SQLITE_OK)
+        return code;
+    sqlite3_db_config(database->sql, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, NULL);
+    sqlite3_db_config(database->sql, SQLITE_DBCONFIG_ENABLE_VIEW, 0, NULL);
+    sqlite3_db_config(database->sql, SQLITE_DBCONFIG_ENABLE_TRIGGER, 0, NULL);
+    sqlite3_limit(database->sql, SQLITE_LIMIT_LENGTH, VALUE_BYTES_MAX);
+    return SQLITE_OK;
+}
+
 static long long size_of(const char *path, const char *suffix)
 {
     char name[DATABASE_NAME_MAX + 8];

@@ -24,8 +24,7 @@ static const char schema[] =
 
 int database_open_exclusive(struct database *database, struct diag *diag)
 {
-    if (sqlite3_open_v2(database->path, &database->sql, SQLITE_OPEN_READWRITE | SQLITE_OPEN_NOMUTEX,
-                        NULL) != SQLITE_OK)
+    if (database_sql_open(database, database->path, SQLITE_OPEN_READWRITE) != SQLITE_OK)
         return database_sql_error(database, "opening", diag);
     return database_sql_run(database, "PRAGMA locking_mode=EXCLUSIVE", diag);
 }

@@ -35,8 +35,7 @@ int dig_store_open(const char *path, struct database **ret_database, struct diag
     if (!writable)
         return -ENOMEM;
     snprintf(writable->path, sizeof(writable->path), "%s", path);
-    if (sqlite3_open_v2(path, &writable->sql, SQLITE_OPEN_READWRITE | SQLITE_OPEN_NOMUTEX, NULL) !=
-        SQLITE_OK)
+    if (database_sql_open(writable, path, SQLITE_OPEN_READWRITE) != SQLITE_OK)
         r = database_sql_error(writable, "opening", diag);
     else if (sqlite3_db_readonly(writable->sql, "main") == 1)
         r = diag_set(diag, -EACCES, "%s cannot be written", path);
@@ -254,14 +253,20 @@ int dig_record_decode(const struct dig_record *record, const struct dig_grid *gr
     return r;
 }
 
+/* What is added to a key; modulo 2^64, for a key that rotted may be any. */
+static uint64_t key_offset(const struct dig_grid *grid)
+{
+    return (uint64_t)(KEY_LEVEL_ZERO - grid->finer) << 48;
+}
+
 static int64_t key_of(const struct dig_grid *grid, struct tile_id id)
 {
-    return tile_key(id) + ((int64_t)(KEY_LEVEL_ZERO - grid->finer) << 48);
+    return (int64_t)((uint64_t)tile_key(id) + key_offset(grid));
 }
 
 static struct tile_id id_from(const struct dig_grid *grid, int64_t key)
 {
-    return tile_id_from_key(key - ((int64_t)(KEY_LEVEL_ZERO - grid->finer) << 48));
+    return tile_id_from_key((int64_t)((uint64_t)key - key_offset(grid)));
 }
 
 static uint32_t record_checksum(const struct dig_grid *grid, const struct dig_record *record)

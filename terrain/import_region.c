@@ -116,8 +116,16 @@ static int add_source(const struct import_stack *stack, struct import_region *re
     return r;
 }
 
+static bool tile_stays(const struct block *block, struct tile_id id, struct import_tile *last)
+{
+    if (!last->known || tile_key(last->id) != tile_key(id))
+        *last = (struct import_tile){id, true,
+                                     grid_has_tile(block->grid, id) && !pyramid_samples(block, id)};
+    return last->stays;
+}
+
 bool import_region_stays(const struct block *block, const struct raster_lattice *lattice, int row,
-                         int col)
+                         int col, struct import_tile *last)
 {
     if (!block)
         return false;
@@ -132,8 +140,7 @@ bool import_region_stays(const struct block *block, const struct raster_lattice 
         if ((side / 2 && post_row % TILE_CELLS) || (side % 2 && post_col % TILE_CELLS))
             continue;
         c = c < 0 ? grid_tile_cols(grid, lattice->level, lattice->shift) - 1 : c;
-        struct tile_id id = {lattice->level, r, c};
-        if (grid_has_tile(grid, id) && !pyramid_samples(block, id))
+        if (tile_stays(block, (struct tile_id){lattice->level, r, c}, last))
             return true;
     }
     return false;
@@ -144,6 +151,7 @@ bool import_region_stays(const struct block *block, const struct raster_lattice 
 static int add_old(const struct import_stack *stack, struct import_region *region,
                    const struct block *block, struct diag *diag)
 {
+    struct import_tile last = {.known = false};
     int r = 0;
     for (int row = 0; r == 0 && row < region->lattice.rows; row++) {
         size_t at = (size_t)row * (size_t)region->lattice.cols;
@@ -155,7 +163,7 @@ static int add_old(const struct import_stack *stack, struct import_region *regio
             struct import_rank new = stack->ranks[region->origins[at] & TILE_ORIGIN_SOURCE];
             if (isnan(region->strip_m[col]) || old.replaced ||
                 (origin == TILE_ORIGIN_MADE &&
-                 !import_region_stays(block, &region->lattice, row, col)))
+                 !import_region_stays(block, &region->lattice, row, col, &last)))
                 continue;
             if (!isnan(region->heights_m[at]) && new.priority >= old.priority) {
                 lay_under(region, at, region->strip_m[col], origin, false);

@@ -51,6 +51,14 @@ void import_region_finish(struct import_region *region);
 
 bool import_region_has_voids(const struct import_region *region);
 
-/* Whether a post of the lattice is one of a tile that is not sampled here. `block` may be NULL. */
+/* A tile and whether it stays as it is: kept from one post to the next, which mostly are of the
+ * same tile. Zeros at first. */
+struct import_tile {
+    struct tile_id id;
+    bool known, stays;
+};
+
+/* Whether a post of the lattice is one of a tile that is not sampled here. `block` may be NULL; for
+ * one `last` it is always the same. */
 bool import_region_stays(const struct block *block, const struct raster_lattice *lattice, int row,
-                         int col);
+                         int col, struct import_tile *last);

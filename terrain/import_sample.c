@@ -113,13 +113,14 @@ static int fill_row_voids(struct import_sampler *sampler, struct import_region *
                           const struct raster_lattice *lattice, struct diag *diag)
 {
     struct raster_lattice wide = *lattice;
+    struct import_tile last = {.known = false};
     int widest = sampler->stack.job->params->fill_posts;
     widen(block, row, widest + 1, &wide);
     int r = import_region_fill(&sampler->stack, region, block, &wide, diag);
     for (int i = 0; r == 0 && i < wide.rows; i++)
         for (int j = 0; j < wide.cols; j++) {
             size_t at = (size_t)i * (size_t)wide.cols + (size_t)j;
-            if (isnan(region->heights_m[at]) && import_region_stays(block, &wide, i, j))
+            if (isnan(region->heights_m[at]) && import_region_stays(block, &wide, i, j, &last))
                 region->origins[at] = FILL_OPEN;
         }
     if (r == 0)

@@ -1,5 +1,6 @@
 #include "terrain/symbol_entropy.h"
 
+#include <assert.h>
 #include <string.h>
 
 void entropy_decoder_init(struct entropy_decoder *decoder, const uint8_t *data, size_t size)
@@ -20,6 +21,7 @@ size_t entropy_encoder_write(const struct entropy_encoder *encoder, uint8_t *ret
     size_t at = size;
     for (size_t i = encoder->count; i-- > 0;) {
         uint32_t begin = encoder->items[i] >> 16, frequency = encoder->items[i] & 0xffff;
+        assert(frequency > 0);
         if (state >> (32 - ENTROPY_BITS) >= frequency) {
             if (at < 2)
                 return 0;

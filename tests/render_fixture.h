@@ -170,18 +170,21 @@ static inline struct view view_at(double lat_deg, double lon_deg, double height_
     return view;
 }
 
-/* Draws with all terrain there; the pixels land in `ret` ([HEIGHT][WIDTH], rows from the bottom).
- */
-static inline void draw(struct scene_under_test *scene, struct view *view, float *ret_depth,
-                        uint32_t *ret_colour, struct renderer_frame *ret_frame)
+/* One frame, with all terrain there. */
+static inline void draw_frame(struct scene_under_test *scene, struct view *view,
+                              struct renderer_frame *ret_frame)
 {
-    struct renderer_frame frame;
-    for (int i = 0; i < 2; i++) { /* the second time with the ground's height known */
-        renderer_wish(scene->renderer, &view->eye, true);
-        renderer_wait(scene->renderer);
-        renderer_draw(scene->renderer, view);
-        renderer_finish(scene->renderer, &frame);
-    }
+    renderer_wish(scene->renderer, &view->eye, true);
+    renderer_wait(scene->renderer);
+    renderer_draw(scene->renderer, view);
+    renderer_finish(scene->renderer, ret_frame);
+}
+
+/* What the last frame shows lands in `ret` ([HEIGHT][WIDTH], rows from the bottom) where it is not
+ * NULL. */
+static inline void read_frame(struct scene_under_test *scene, float *ret_depth,
+                              uint32_t *ret_colour)
+{
     uint64_t number;
     if (ret_depth) {
         readback_start(scene->depth, renderer_depth_framebuffer(scene->renderer), 0);
@@ -193,6 +196,16 @@ static inline void draw(struct scene_under_test *scene, struct view *view, float
         memcpy(ret_colour, readback_take(scene->colour, true, &number), WIDTH * HEIGHT * 4);
         readback_release(scene->colour);
     }
+}
+
+/* Draws with all terrain there, and the second time with the ground's height known. */
+static inline void draw(struct scene_under_test *scene, struct view *view, float *ret_depth,
+                        uint32_t *ret_colour, struct renderer_frame *ret_frame)
+{
+    struct renderer_frame frame;
+    draw_frame(scene, view, &frame);
+    draw_frame(scene, view, &frame);
+    read_frame(scene, ret_depth, ret_colour);
     if (ret_frame)
         *ret_frame = frame;
 }

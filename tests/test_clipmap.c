@@ -123,25 +123,38 @@ static void blocks_are_as_small_as_they_are_said_to_be(void)
     CHECK(closest > 0.98);
 }
 
+/* What select.comp is told of a level, on the face of an eye `up` above it. */
+struct selection {
+    double block, ends; /* `ends`: of the next finer level */
+    struct clipmap_rect near;
+};
+
+static void select_levels(const struct clipmap_shape *shape, const double eye[3], double up,
+                          const double *ends, int face, struct selection *ret)
+{
+    struct clipmap_reach reaches[CLIPMAP_MAX_LEVELS];
+    clipmap_reaches(shape, eye, reaches);
+    for (int level = 1; level < shape->levels; level++) {
+        double block = reaches[level].block, end = ends[level - 1];
+        double across = sqrt(fmax(end * end - up * up, 0.0)) + block;
+        ret[level] =
+            (struct selection){block, end, clipmap_near_blocks(shape, level, face, eye, across)};
+    }
+}
+
 /* The arithmetic that select.comp does, on one face around an eye. */
 static bool is_split(const struct clipmap_shape *shape, int level, const double eye[3], double up,
-                     const double *ends, int face, int32_t col, int32_t row)
+                     const struct selection *selection, int face, int32_t col, int32_t row)
 {
-    double middle[3], corners[4][3];
-    if (level == 0)
-        return false;
-    block_points(shape, level, face, col, row, middle, corners);
-    double across = fmax(cube_chord(middle, eye) - clipmap_reach(shape, level, eye).block, 0.0);
-    return hypot(across, up) < ends[level - 1];
+    double middle[3], side = shape->block * clipmap_step_rad(shape, level);
+    cube_normal(face, (col + 0.5) * side - M_PI / 4.0, (row + 0.5) * side - M_PI / 4.0, middle);
+    double across = fmax(cube_chord(middle, eye) - selection->block, 0.0);
+    return hypot(across, up) < selection->ends;
 }
 
 /* Whether a block that is split is among those that are looked at. */
-static bool is_looked_at(const struct clipmap_shape *shape, int level, const double eye[3],
-                         double up, const double *ends, int face, int32_t col, int32_t row)
+static bool is_looked_at(struct clipmap_rect near, int32_t col, int32_t row)
 {
-    double across = sqrt(fmax(ends[level - 1] * ends[level - 1] - up * up, 0.0)) +
-                    clipmap_reach(shape, level, eye).block;
-    struct clipmap_rect near = clipmap_near_blocks(shape, level, face, eye, across);
     return row >= near.row0 && row < near.row0 + near.rows && col >= near.col0 &&
            col < near.col0 + near.cols;
 }
@@ -150,17 +163,18 @@ static int overlooked;
 
 /* Goes down to the leaf that has a place; returns its level. */
 static int leaf_at(const struct clipmap_shape *shape, const double eye[3], double up,
-                   const double *ends, int face, double xi, double eta)
+                   const struct selection *selection, int face, double xi, double eta)
 {
     int level = shape->levels - 1;
-    for (;; level--) {
+    for (; level > 0; level--) {
         double side = shape->block * clipmap_step_rad(shape, level);
         int32_t col = (int32_t)floor((xi + M_PI / 4.0) / side);
         int32_t row = (int32_t)floor((eta + M_PI / 4.0) / side);
-        if (!is_split(shape, level, eye, up, ends, face, col, row))
+        if (!is_split(shape, level, eye, up, &selection[level], face, col, row))
             return level;
-        overlooked += !is_looked_at(shape, level, eye, up, ends, face, col, row);
+        overlooked += !is_looked_at(selection[level].near, col, row);
     }
+    return level;
 }
 
 /* On the line between two leaves the finer one shows the coarser one's heights, and that one its
@@ -187,13 +201,15 @@ static void neighbours_differ_by_one_level_and_agree(void)
         /* A walk outwards, over all levels. */
         double way = random_between(-M_PI, M_PI), up = i % 2 ? 0.0 : random_between(0, 1) * ends[3];
         double turn_xi = cos(way), turn_eta = sin(way);
+        struct selection selection[CLIPMAP_MAX_LEVELS];
+        select_levels(shape, eye, up, ends, face, selection);
         double at = 0.5 * clipmap_step_rad(shape, 0), before = 0.0;
         int last = -1;
         while (at < 0.35) {
             double a = xi + at * turn_xi, b = eta + at * turn_eta, place[3];
             if (fabs(a) >= M_PI / 4.0 || fabs(b) >= M_PI / 4.0)
                 break;
-            int level = leaf_at(shape, eye, up, ends, face, a, b);
+            int level = leaf_at(shape, eye, up, selection, face, a, b);
             if (last >= 0 && level != last) {
                 /* Somewhere between the two samples is the border. */
                 int coarse = level > last ? level : last, fine = level > last ? last : level;

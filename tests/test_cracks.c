@@ -20,9 +20,15 @@ static double hash01(int64_t x, int64_t y, int64_t z)
     return (double)(h >> 11) * 0x1p-53;
 }
 
+/* The corners of the cell that was asked for last; posts come side by side. */
+struct cell {
+    double at[3], corners[8];
+    bool known;
+};
+
 /* Noise in space, -1 to 1, linear between random values `cell_m` apart: the poles are nothing to
  * it. */
-static double noise(const double normal[3], double cell_m)
+static double noise(const double normal[3], double cell_m, struct cell *last)
 {
     double whole[3], part[3], sum = 0.0;
     for (int i = 0; i < 3; i++) {
@@ -30,11 +36,18 @@ static double noise(const double normal[3], double cell_m)
         whole[i] = floor(at);
         part[i] = at - whole[i];
     }
+    if (!last->known || memcmp(last->at, whole, sizeof(whole)) != 0) {
+        memcpy(last->at, whole, sizeof(whole));
+        last->known = true;
+        for (int i = 0; i < 8; i++)
+            last->corners[i] = hash01((int64_t)whole[0] + (i & 1), (int64_t)whole[1] + (i >> 1 & 1),
+                                      (int64_t)whole[2] + (i >> 2));
+    }
     for (int corner = 0; corner < 8; corner++) {
-        int x = corner & 1, y = corner >> 1 & 1, z = corner >> 2;
-        double weight = (x ? part[0] : 1.0 - part[0]) * (y ? part[1] : 1.0 - part[1]) *
-                        (z ? part[2] : 1.0 - part[2]);
-        sum += weight * hash01((int64_t)whole[0] + x, (int64_t)whole[1] + y, (int64_t)whole[2] + z);
+        double weight = (corner & 1 ? part[0] : 1.0 - part[0]) *
+                        (corner >> 1 & 1 ? part[1] : 1.0 - part[1]) *
+                        (corner >> 2 ? part[2] : 1.0 - part[2]);
+        sum += weight * last->corners[corner];
     }
     return 2.0 * sum - 1.0;
 }
@@ -43,9 +56,10 @@ static double hills(const double normal[3], int octaves)
 {
     static const double cells_m[] = {400e3, 80e3, 16e3, 1600.0};
     static const double heights_m[] = {1500.0, 1000.0, 600.0, 120.0};
+    static _Thread_local struct cell cells[4];
     double sum = 3000.0;
     for (int i = 0; i < octaves; i++)
-        sum += heights_m[i] * noise(normal, cells_m[i]);
+        sum += heights_m[i] * noise(normal, cells_m[i], &cells[i]);
     return sum;
 }
 
@@ -55,21 +69,25 @@ static bool is_dead_sea(double lat_deg, double lon_deg)
     return lat_deg > 31.0 && lat_deg < 32.0 && lon_deg > 35.0 && lon_deg < 36.0;
 }
 
+static double smooth_height_m(double lat_deg, double lon_deg, double ret_normal[3])
+{
+    cube_normal_from_geodetic(lat_deg, lon_deg, ret_normal);
+    return is_dead_sea(lat_deg, lon_deg) ? -430.0 : hills(ret_normal, 4);
+}
+
 static double smooth_ground(double lat_deg, double lon_deg)
 {
     double normal[3];
-    cube_normal_from_geodetic(lat_deg, lon_deg, normal);
-    return is_dead_sea(lat_deg, lon_deg) ? -430.0 : hills(normal, 4);
+    return smooth_height_m(lat_deg, lon_deg, normal);
 }
 
 /* A different height at every post on top of that: the worst there can be for shared edges. */
 static double rough_ground(double lat_deg, double lon_deg)
 {
-    double normal[3];
-    cube_normal_from_geodetic(lat_deg, lon_deg, normal);
+    double normal[3], smooth_m = smooth_height_m(lat_deg, lon_deg, normal);
     double own =
         hash01(llround(normal[0] * 1e8), llround(normal[1] * 1e8), llround(normal[2] * 1e8));
-    return smooth_ground(lat_deg, lon_deg) + 20.0 * (own - 0.5);
+    return smooth_m + 20.0 * (own - 0.5);
 }
 
 /* A place of the eye and the direction in which it goes, in ECEF. */
@@ -343,8 +361,12 @@ static int late_sample(struct terrain_source *source, const struct terrain_place
         double tile_deg = 64.0 * places->spacing_deg;
         double when = hash01(llround(lat_deg / tile_deg), llround(lon_deg / tile_deg), 7);
         bool here = fmod(when + 0.25 * (double)tide, 1.0) < 0.5;
-        cube_normal_from_geodetic(lat_deg, lon_deg, normal);
-        ret[i] = (float)(here ? rough_ground(lat_deg, lon_deg) : hills(normal, 3));
+        if (here) {
+            ret[i] = (float)rough_ground(lat_deg, lon_deg);
+        } else {
+            cube_normal_from_geodetic(lat_deg, lon_deg, normal);
+            ret[i] = (float)hills(normal, 3);
+        }
         late |= !here;
     }
     return late ? TERRAIN_LATE : 0;

@@ -332,6 +332,10 @@ static void test_refusals(void)
     spoil("meta.db", "UPDATE metadata SET value = '121' WHERE key = 'posts_per_degree'", path,
           sizeof(path));
     check_refused(path, -EBADMSG, "metadata");
+    spoil("view.db",
+          "ALTER TABLE tiles RENAME TO others; CREATE VIEW tiles AS SELECT * FROM others", path,
+          sizeof(path));
+    check_refused(path, -EBADMSG, "prohibited");
     spoil("cut.db", "SELECT 1", path, sizeof(path));
     struct stat status;
     CHECK_INT(stat(path, &status), 0);

@@ -258,7 +258,7 @@ static void test_archives(void)
     CHECK_CONTAINS(output, "but notes.txt");
 }
 
-/* Begins an import of big.tif and waits until it stores blocks. */
+/* Begins an import of big.tif and stops it when it has begun to store blocks. */
 static pid_t begin_import(const char *database)
 {
     pid_t child = fork();
@@ -271,8 +271,9 @@ static pid_t begin_import(const char *database)
     }
     char part[600];
     snprintf(part, sizeof(part), "%s.part", in(database));
-    for (int i = 0; i < 3000 && access(part, F_OK) != 0; i++)
-        usleep(10000);
+    for (int i = 0; i < 30000 && access(part, F_OK) != 0; i++)
+        usleep(1000);
+    kill(child, SIGSTOP);
     CHECK(access(part, F_OK) == 0);
     return child;
 }
@@ -280,6 +281,7 @@ static pid_t begin_import(const char *database)
 static void expect_end(pid_t child, int status, const char *text)
 {
     int ended = 0;
+    kill(child, SIGCONT);
     waitpid(child, &ended, 0);
     FILE *log = fopen(in("log"), "r");
     size_t size = log ? fread(output, 1, sizeof(output) - 1, log) : 0;
@@ -295,7 +297,7 @@ static void expect_end(pid_t child, int status, const char *text)
  * come back. */
 static void test_changing(void)
 {
-    struct made big = {3601, 2401, 10.0, 46.0, 1 / 3600.0, -1 / 3600.0, 4326, GDT_Int16, NAN, 0.0};
+    struct made big = {1801, 1201, 10.0, 46.0, 1 / 3600.0, -1 / 3600.0, 4326, GDT_Int16, NAN, 0.0};
     make_raster(in("big.tif"), &big, hills);
     check_run(run("'%s' -o '%s' -q", in("big.tif"), in("whole.db")), 0);
     pid_t child = begin_import("gone.db");

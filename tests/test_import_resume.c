@@ -10,7 +10,7 @@ static double whole_s; /* that an import of big.tif takes */
 
 static void test_rasters(void)
 {
-    struct made fine = {2401, 1601, 10.0, 46.0, 1 / 3600.0, -1 / 3600.0, 4326, GDT_Int16, NAN, 0.0};
+    struct made fine = {1201, 801, 10.0, 46.0, 1 / 3600.0, -1 / 3600.0, 4326, GDT_Int16, NAN, 0.0};
     struct made utm = {300, 300, 500000.0, 5230000.0, 100.0, -100.0, 32632, GDT_Float32, NAN, 0.0};
     char command[1200];
     make_raster(in("hills.tif"), &ten_east, hills);
@@ -129,25 +129,31 @@ static pid_t begin_import(const char *database)
         _exit(127);
     }
     snprintf(lock, sizeof(lock), "%s.lock", database);
-    for (int i = 0; i < 500 && access(lock, F_OK) != 0; i++)
+    for (int i = 0; i < 20000 && access(lock, F_OK) != 0; i++)
         usleep(1000);
     CHECK(access(lock, F_OK) == 0);
     return child;
 }
 
-/* The second is refused at once, while the first reads its source and while it stores. */
+/* The second is refused at once, while the first reads its source and while it stores. The first is
+ * stopped meanwhile, however fast it is. */
 static void test_race(void)
 {
     char expected[64];
     int status = -1;
     pid_t first = begin_import(in("raced.db"));
     snprintf(expected, sizeof(expected), "being written by process %ld", (long)first);
+    kill(first, SIGSTOP);
     check_run(run("'%s' -o '%s' -q", in("hills.tif"), in("raced.db")), 75);
     CHECK_CONTAINS(output, "raced.db is being written by");
-    for (int i = 0; i < 1000 && access(in("raced.db.part"), F_OK) != 0; i++)
-        usleep(10000);
+    kill(first, SIGCONT);
+    for (int i = 0; i < 20000 && access(in("raced.db.part"), F_OK) != 0; i++)
+        usleep(1000);
+    kill(first, SIGSTOP);
+    CHECK(access(in("raced.db.part"), F_OK) == 0);
     check_run(run("'%s' -o '%s' -q", in("hills.tif"), in("raced.db")), 75);
     CHECK_CONTAINS(output, expected);
+    kill(first, SIGCONT);
     waitpid(first, &status, 0);
     CHECK(WIFEXITED(status) && WEXITSTATUS(status) == 0);
     CHECK(same_bytes(in("raced.db"), in("whole.db")));

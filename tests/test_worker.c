@@ -95,6 +95,7 @@ static void every_job_is_answered_in_order(void)
 {
     struct bench bench = {0};
     struct worker *worker = start(&bench, (struct worker_params){.niceness = 5});
+    int own = getpriority(PRIO_PROCESS, (id_t)gettid());
     unsigned asked = 0, answer;
     if (!worker)
         return;
@@ -108,7 +109,7 @@ static void every_job_is_answered_in_order(void)
     CHECK(!worker_take(worker, &answer));
     CHECK(!is_ready(worker, 0));
     CHECK_INT(atomic_load(&bench.niceness), 5);
-    CHECK_INT(getpriority(PRIO_PROCESS, (id_t)gettid()), 0);
+    CHECK_INT(getpriority(PRIO_PROCESS, (id_t)gettid()), own);
     worker_stop(worker);
 }
 

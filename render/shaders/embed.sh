@@ -34,7 +34,8 @@ check()
             printf '#define BLOCK 8\n#define TABLE 32\n#define DRAWS 2\n#define BLOCKS_A_DRAW 9\n'
             printf '#define FIELD_COL 128\n#define FIELD_ROW 128\n#define FIELD_CELLS 256\n'
             printf '#define FIELD_PANE 1\n#define GRID_CELLS 128\n#define LEVELS 10\n'
-            printf '#define LANES 64\n'
+            printf '#define LANES 64\n#define PANE_LANES 64\n'
+            printf '#define GROUND 1\n#define SKY %d\n' "${variant%% *}"
             printf '#define SAMPLE_PLACES vec2(0.25), vec2(0.75)\n#define IMAGE_TAPS 4\n#define STORAGE 256\n'
             printf '#define PATCH_CELLS 128\n#define BLOCK_CELLS 16\n'
             printf '#define CORNERS 24\n#define WARP 1\n#define EDGES 1\n'

@@ -3,7 +3,7 @@
 // finest level to the coarsest: decision 0014. It keeps what it needs of a level in shared memory, for
 // its way is long.
 const int SIDE = TABLE / 2; // blocks of a pane that may be split, along an edge
-const int LANES_MOST = min(SIDE * SIDE, 1024); // of a work group
+const int LANES_MOST = min(SIDE * SIDE, PANE_LANES); // of a work group
 layout(local_size_x = LANES_MOST) in;
 
 layout(binding = 0) uniform sampler2DArray bounds; // of blocks; z: error of the coarser level's surface, m

@@ -205,20 +205,21 @@ vec3 ground_radiance(vec3 dn, vec3 view, float distance_m, float altitude_km)
     vec4 photo = image_colour(image);
     body = mix(body, photo.rgb, photo.a);
 #endif
-    if (water >= 1.0)
-        return water_radiance(view, normal, spot.normal, sun_colour, ambient, body);
-    float lit = max(dot(normal, scene.sun.xyz), 0.0);
-    vec3 albedo =
-        land_colour(altitude_km, steepness, mix(wide, middle, 0.35), mix(middle, near, 0.5));
-    vec3 radiance = albedo * (sun_colour * lit + ambient * (0.55 + 0.45 * dot(normal, spot.normal)));
+    vec3 radiance = vec3(0.0);
+    if (water < 1.0) {
+        float lit = max(dot(normal, scene.sun.xyz), 0.0);
+        vec3 albedo =
+            land_colour(altitude_km, steepness, mix(wide, middle, 0.35), mix(middle, near, 0.5));
+        radiance = albedo * (sun_colour * lit + ambient * (0.55 + 0.45 * dot(normal, spot.normal)));
 #if COLOUR
-    // A noise that is far away enough for its tiles to stand in rows is left out.
-    vec3 strength = clamp(vec3(3.0, 2.0, 1.0) - 0.25 * lod, 0.0, 1.0);
-    float mottle = dot((vec3(wide.z, middle.z, near.z) - 0.5) * strength, vec3(0.6, 0.6, 0.8));
-    vec3 lit_photo = photo_radiance(photo.rgb, mottle, spot, surface.xy, slope,
-                                    image.enlargement, sun_colour, ambient);
-    radiance = mix(radiance, lit_photo, photo.a);
+        // A noise that is far away enough for its tiles to stand in rows is left out.
+        vec3 strength = clamp(vec3(3.0, 2.0, 1.0) - 0.25 * lod, 0.0, 1.0);
+        float mottle = dot((vec3(wide.z, middle.z, near.z) - 0.5) * strength, vec3(0.6, 0.6, 0.8));
+        vec3 lit_photo = photo_radiance(photo.rgb, mottle, spot, surface.xy, slope,
+                                        image.enlargement, sun_colour, ambient);
+        radiance = mix(radiance, lit_photo, photo.a);
 #endif
+    }
     if (water > 0.0)
         radiance = mix(radiance, water_radiance(view, normal, spot.normal, sun_colour, ambient, body),
                        water);
@@ -231,17 +232,16 @@ vec3 shaded(vec2 tangent, float depth)
     vec3 ray = mat3(scene.enu_from_eye) * vec3(tangent, -1.0);
     float ray_length = length(ray);
     vec3 view = ray / ray_length;
-    vec3 radiance;
-    if (depth <= scene.accuracy.y) {
-        radiance = sky_colour(view);
-        float disc = smoothstep(0.99996, 0.99999, dot(view, scene.sun.xyz));
-        radiance += vec3(12.0, 10.5, 8.0) * disc * scene.sun.w;
-    } else {
+    bool ground_seen = GROUND == 1 && (SKY == 0 || depth > scene.accuracy.y);
+    vec3 radiance = sky_colour(ground_seen ? vec3(view.xy, 0.0) : view);
+    if (ground_seen) {
         float distance_m = ray_length * (scene.grid.w / depth);
         vec4 place = difference_from_enu(ray * (scene.grid.w / depth));
         vec3 land = ground_radiance(place.xyz, view, distance_m, (scene.haze.z + place.w) * 1e-3);
-        float clear = transmittance(distance_m, place.w);
-        radiance = mix(sky_colour(vec3(view.xy, 0.0)), land, clear);
+        radiance = mix(radiance, land, transmittance(distance_m, place.w));
+    } else {
+        float disc = smoothstep(0.99996, 0.99999, dot(view, scene.sun.xyz));
+        radiance += vec3(12.0, 10.5, 8.0) * disc * scene.sun.w;
     }
     return displayed(radiance);
 }

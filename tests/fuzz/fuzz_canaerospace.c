@@ -18,9 +18,13 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         memcpy(&frame, data, sizeof(frame));
         data += sizeof(frame);
         now_ns += frame.__pad * NSEC_PER_MSEC;
-        if (canaerospace_take(&state, &frame, now_ns, &sample, NULL) > 0 &&
-            !pose_is_sane(&sample.pose))
-            abort();
+        if (canaerospace_take(&state, &frame, now_ns, &sample, NULL) > 0) {
+            struct canaerospace_encoder encoder = {.node = 1};
+            struct can_frame again[CANAEROSPACE_FRAMES_MAX];
+            if (!pose_is_sane(&sample.pose) ||
+                canaerospace_encode(&encoder, &sample.pose, again) > CANAEROSPACE_FRAMES_MAX)
+                abort();
+        }
         canaerospace_identify(&frame, 64, &answer);
     }
     return 0;

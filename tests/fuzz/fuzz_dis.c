@@ -6,6 +6,21 @@
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
+/* An entity is written as it was read. */
+static void write_again(const uint8_t *data, size_t size)
+{
+    static const struct dis_filter any;
+    struct dis_entity entity, again;
+    uint8_t bytes[DIS_ENTITY_STATE_SIZE];
+    size_t used;
+    if (dis_decode(data, size, &any, &used, &entity, NULL) != 0)
+        return;
+    dis_encode(&entity, bytes);
+    if (dis_decode(bytes, sizeof(bytes), &any, &used, &again, NULL) != 0 ||
+        again.id.entity != entity.id.entity)
+        abort();
+}
+
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     struct dis_tracker tracker;
@@ -18,6 +33,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         struct pose_sample sample;
         struct rejection rejection;
         struct pose later;
+        write_again(data, length);
         int r = dis_tracker_take(&tracker, data, length, &sample, &rejection);
         if ((r < 0 && rejection.offset > length) || (r > 0 && !pose_is_sane(&sample.pose)))
             abort();

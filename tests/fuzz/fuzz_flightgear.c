@@ -1,4 +1,5 @@
-/* Whatever decodes must be sane and within the packet's own bounds. */
+/* Whatever decodes must be sane and within the packet's own bounds, and is read
+ * again from what is made of it. */
 #include <stdlib.h>
 
 #include "io/flightgear.h"
@@ -13,6 +14,12 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         return rejection.offset > size ? abort(), 0 : 0;
     if (!pose_is_sane(&fdm.sample.pose) || fdm.wheels_on_ground > FLIGHTGEAR_WHEELS ||
         fdm.engines > FLIGHTGEAR_ENGINES || fdm.tanks > FLIGHTGEAR_TANKS)
+        abort();
+    struct flightgear_fdm again;
+    uint8_t bytes[FLIGHTGEAR_SIZE_V24];
+    flightgear_encode(&fdm, bytes);
+    if (flightgear_decode(bytes, sizeof(bytes), &again, NULL) == 0 &&
+        !pose_is_sane(&again.sample.pose))
         abort();
     return 0;
 }

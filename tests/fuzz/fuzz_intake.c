@@ -72,5 +72,9 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         data += length;
         size -= length;
     }
+    char reasons[256];
+    reject_list(intake.counters.rejected, reasons, sizeof(reasons));
+    if ((intake_rejected_total(&intake.counters) == 0) != (strcmp(reasons, "nothing") == 0))
+        abort();
     return 0;
 }

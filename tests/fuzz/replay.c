@@ -1,6 +1,7 @@
 /* Runs a fuzz target over every file of a corpus directory, over every cut of each file and over
- * each with single bytes changed: the corpus as an ordinary test. The same target links with
- * libFuzzer (-fsanitize=fuzzer) in place of this file. */
+ * each with single bytes changed: the corpus as an ordinary test. A second argument says at how
+ * many places of a file, for targets that are slow. The same target links with libFuzzer
+ * (-fsanitize=fuzzer) in place of this file. */
 #include <dirent.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -22,9 +23,9 @@ static void run(const uint8_t *data, size_t size)
     free(copy);
 }
 
-static void run_variants(uint8_t *data, size_t size)
+static void run_variants(uint8_t *data, size_t size, size_t places)
 {
-    size_t step = size > 4096 ? size / 4096 : 1;
+    size_t step = size > places ? size / places : 1;
     run(data, size);
     for (size_t cut = 0; cut < size; cut += step)
         run(data, cut);
@@ -42,9 +43,10 @@ static void run_variants(uint8_t *data, size_t size)
 int main(int argc, char **argv)
 {
     static uint8_t data[FILE_MAX];
-    DIR *dir = argc == 2 ? opendir(argv[1]) : NULL;
-    if (!dir) {
-        fprintf(stderr, "usage: %s CORPUS\n", argv[0]);
+    DIR *dir = argc == 2 || argc == 3 ? opendir(argv[1]) : NULL;
+    size_t places = argc == 3 ? strtoul(argv[2], NULL, 10) : 4096;
+    if (!dir || places == 0) {
+        fprintf(stderr, "usage: %s CORPUS [PLACES]\n", argv[0]);
         return 2;
     }
     unsigned files = 0;
@@ -56,7 +58,7 @@ int main(int argc, char **argv)
             continue;
         size_t size = fread(data, 1, sizeof(data), file);
         fclose(file);
-        run_variants(data, size);
+        run_variants(data, size, places);
         files++;
     }
     closedir(dir);

@@ -22,8 +22,9 @@ YAML
 start_daemon otwd.yaml
 
 send() {
+    frames=$(field frames_rendered)
     "$SYSTEM_TOOL" cigi "$port" "$1" || fail "$1: not sent"
-    sleep 1
+    wait_for 10 at_least frames_rendered $((frames + 5)) || fail "$1: no frames"
 }
 taken=0
 # snapshot NAME

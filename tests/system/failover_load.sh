@@ -46,11 +46,17 @@ switched() {
     sleep 1.1 # at most one a second is logged
 }
 
-# missed: so many deadlines in the next eight seconds.
+# missed: so many deadlines in four seconds in which the same noise goes where nobody listens: what it, or
+# whoever else, takes of the processors is the same then.
 missed() {
     before=$(field missed_deadlines)
-    sleep 8
+    nice "$WIRE_TOOL" noise "$(free_port)" 4 10000 >elsewhere.log
     echo $(($(field missed_deadlines) - before))
+}
+
+# worked: hundredths of a second that the event loop, which takes the datagrams, has worked.
+worked() {
+    sed 's/.*) //' "/proc/$daemon/task/$daemon/stat" | awk '{ print $12 + $13 }'
 }
 
 revive host
@@ -60,7 +66,7 @@ revive bus
 sleep 3 # shaders are compiled, terrain comes
 quiet=$(missed)
 
-before=$(field missed_deadlines)
+before=$(field missed_deadlines) worked=$(worked)
 noisy=$(date +%s)
 start noise.log nice "$WIRE_TOOL" noise "$native" 20 10000
 noise=$started
@@ -79,12 +85,18 @@ revive host
 switched host fg 7 5000
 wait "$noise" || fail "the noise does not end"
 is source 1 || fail "source $(field source)"
-loud=$(($(field missed_deadlines) - before))
+loud=$(($(field missed_deadlines) - before)) worked=$(($(worked) - worked))
 seconds=$(($(date +%s) - noisy))
-echo "deadlines missed: $quiet in 8 s of quiet, $loud in $seconds s of noise and switches"
-# as many a second, and every tenth of the 30, for who makes the noise takes a core, too
+quiet=$((quiet + $(missed)))
+echo "deadlines missed: $quiet in 8 s of quiet, $loud in $seconds s of noise and switches;" \
+    "the event loop worked $worked hundredths of a second"
+# as many a second, and every tenth of the 30, for the event loop takes some of a core
 [ $((loud * 8)) -le $(((quiet + 24) * seconds)) ] ||
     fail "$loud deadlines missed in $seconds s, $quiet in 8 s of quiet"
+# a datagram that is refused costs less than 30 us, however many others want the processors
+[ "$worked" -gt 0 ] || fail "the event loop has not worked"
+[ -n "${OTWD_TESTS_ARE_SLOW:-}" ] || [ "$worked" -le 600 ] ||
+    fail "the event loop worked $worked hundredths of a second for the noise"
 
 stop_daemon
 [ "$stopped" -eq 0 ] || fail "status $stopped"
