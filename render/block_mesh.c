@@ -84,7 +84,7 @@ double block_mesh_bytes(const struct clipmap_shape *shape)
 
 static GLuint create_buffer(size_t bytes, const void *contents)
 {
-    GLuint buffer;
+    GLuint buffer = 0; /* where memory has run out, none is made */
     glCreateBuffers(1, &buffer);
     glNamedBufferStorage(buffer, (GLsizeiptr)bytes, contents, 0);
     return buffer;

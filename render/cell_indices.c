@@ -22,7 +22,7 @@ GLuint cell_indices_create(int cells)
             for (int i = 0; i < 6; i++)
                 *at++ = cell[i];
         }
-    GLuint buffer;
+    GLuint buffer = 0;
     glCreateBuffers(1, &buffer);
     glNamedBufferStorage(buffer, (GLsizeiptr)bytes, indices, 0);
     free(indices);

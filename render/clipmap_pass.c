@@ -58,7 +58,7 @@ struct clipmap_pass {
 static GLuint create_array(const struct clipmap_shape *shape, GLint side, GLenum format,
                            GLint filter)
 {
-    GLuint texture;
+    GLuint texture = 0;
     glCreateTextures(GL_TEXTURE_2D_ARRAY, 1, &texture);
     glTextureStorage3D(texture, 1, format, side, side, shape->levels * CLIPMAP_PANES);
     glTextureParameteri(texture, GL_TEXTURE_MIN_FILTER, filter);
@@ -123,7 +123,7 @@ int clipmap_pass_create(const struct clipmap_shape *shape, size_t update_bytes,
     pass->surfaces = create_array(shape, 2 * clipmap_storage(shape), GL_RGBA8, GL_LINEAR);
     pass->bounds = create_array(shape, clipmap_table(shape), GL_RGBA32F, GL_NEAREST);
     pass->ground = ground_texture_create(facts->software);
-    if (glGetError() == GL_OUT_OF_MEMORY) {
+    if (glGetError() == GL_OUT_OF_MEMORY || !pass->ground) {
         clipmap_pass_destroy(pass);
         return diag_set(diag, -ENOMEM, "no GPU memory for a clipmap of %d MiB",
                         clipmap_pass_mib(shape));

@@ -57,7 +57,7 @@ struct image_pass {
 /* One layer more than levels: the loader's spare. */
 static GLuint create_array(const struct image_shape *shape, GLenum format)
 {
-    GLuint texture;
+    GLuint texture = 0;
     glCreateTextures(GL_TEXTURE_2D_ARRAY, 1, &texture);
     glTextureStorage3D(texture, 1, format, shape->side, shape->side, shape->levels + 1);
     glTextureParameteri(texture, GL_TEXTURE_MIN_FILTER, GL_LINEAR);

@@ -85,7 +85,7 @@ static GLuint create_mesh(void)
             (*at)[0] = (uint8_t)(i % (cells + 1));
             (*at)[1] = (uint8_t)(i / (cells + 1));
         }
-    GLuint buffer;
+    GLuint buffer = 0;
     glCreateBuffers(1, &buffer);
     glNamedBufferStorage(buffer, sizeof(posts), posts, 0);
     return buffer;

@@ -115,7 +115,7 @@ static int create_programs(struct technique_of_quadtree *self, const struct fiel
 
 static GLuint create_texture_array(GLenum format, int side, int layers)
 {
-    GLuint texture;
+    GLuint texture = 0;
     glCreateTextures(GL_TEXTURE_2D_ARRAY, 1, &texture);
     glTextureStorage3D(texture, 1, format, side, side, layers);
     glTextureParameteri(texture, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
@@ -125,7 +125,7 @@ static GLuint create_texture_array(GLenum format, int side, int layers)
 
 static GLuint create_buffer(size_t bytes)
 {
-    GLuint buffer;
+    GLuint buffer = 0;
     glCreateBuffers(1, &buffer);
     glNamedBufferStorage(buffer, (GLsizeiptr)bytes, NULL, GL_DYNAMIC_STORAGE_BIT);
     return buffer;

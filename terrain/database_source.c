@@ -224,12 +224,12 @@ int database_source_open(const char *path, unsigned cache_tiles, struct terrain_
 {
     struct database_core *core = calloc(1, sizeof(*core));
     if (!core)
-        return -ENOMEM;
+        return diag_set(diag, -ENOMEM, "%s: out of memory", path);
     pthread_mutex_init(&core->lock, NULL);
     int r = core_open(path, cache_tiles, core, diag);
     if (r == 0)
         r = add_source(core, ret_source);
     if (r < 0)
         core_destroy(core);
-    return r;
+    return r == -ENOMEM ? diag_set(diag, r, "%s: out of memory", path) : r;
 }

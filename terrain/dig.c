@@ -233,10 +233,12 @@ int dig_open(const char *path, struct dig **ret_dig, struct diag *diag)
     struct database *database = NULL;
     struct dig *dig = calloc(1, sizeof(*dig));
     if (!dig)
-        return -ENOMEM;
+        return diag_set(diag, -ENOMEM, "%s: out of memory", path);
     pthread_mutex_init(&dig->lock, NULL);
     snprintf(dig->path, sizeof(dig->path), "%s", path);
     int r = tile_table_init(&dig->table, DIG_CACHE_TILES);
+    if (r < 0)
+        diag_set(diag, r, "%s: out of memory", path);
     if (r == 0)
         r = database_open(path, &database, diag);
     if (r == 0) {

@@ -97,7 +97,7 @@ int dig_writer_open(const char *path, struct dig_writer **ret_writer, struct dia
     struct stat status;
     struct dig_writer *writer = calloc(1, sizeof(*writer));
     if (!writer)
-        return -ENOMEM;
+        return diag_set(diag, -ENOMEM, "%s: out of memory", path);
     writer->heights_m = malloc(TILE_CACHE_BYTES_PER_TILE);
     int r = writer->heights_m ? dig_store_open(path, &writer->database, diag) : -ENOMEM;
     if (r == 0 && stat(path, &status) < 0)
@@ -116,7 +116,7 @@ int dig_writer_open(const char *path, struct dig_writer **ret_writer, struct dia
     }
     if (r < 0) {
         dig_writer_close(writer);
-        return r;
+        return r == -ENOMEM ? diag_set(diag, r, "%s: out of memory", path) : r;
     }
     writer->device = status.st_dev;
     writer->inode = status.st_ino;

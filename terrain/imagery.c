@@ -51,14 +51,14 @@ int imagery_open(const char *path, unsigned cache_tiles, struct imagery **ret_im
 {
     struct imagery *imagery = calloc(1, sizeof(*imagery));
     if (!imagery)
-        return -ENOMEM;
+        return diag_set(diag, -ENOMEM, "%s: out of memory", path);
     int r = database_open(path, &imagery->database, diag);
     if (r == 0)
         r = database_list_layers(imagery->database, &imagery->layers, diag);
     imagery->slots = calloc(cache_tiles > TILES_MIN ? cache_tiles : TILES_MIN, sizeof(struct slot));
     imagery->sums = malloc(IMAGE_TEXELS * sizeof(*imagery->sums));
     if (r == 0 && (!imagery->slots || !imagery->sums))
-        r = -ENOMEM;
+        r = diag_set(diag, -ENOMEM, "%s: out of memory", path);
     if (r < 0) {
         imagery_close(imagery);
         return r;

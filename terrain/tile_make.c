@@ -83,14 +83,23 @@ static int read_tile(struct database *database, struct tile_id id, const float *
     return r;
 }
 
+/* A tile that failed is kept as that: a disk or a memory that fails for a moment gets another
+ * chance. */
+static int read_tile_twice(struct database *database, struct tile_id id,
+                           const struct tile_content *parent, struct tile_content *content)
+{
+    const float *heights_m = parent ? parent->heights_m : NULL;
+    int r = read_tile(database, id, heights_m, content);
+    return r == -EIO || r == -ENOMEM ? read_tile(database, id, heights_m, content) : r;
+}
+
 void tile_make(struct database *database, struct tile_id id, const struct tile_content *parent,
                struct tile_content *content)
 {
     const struct grid *grid = database_grid(database);
     bool expected = parent && parent->status == 0 && parent->children & tile_child_bit(grid, id);
     content->children = 0;
-    content->status = !parent || expected
-                          ? read_tile(database, id, parent ? parent->heights_m : NULL, content)
+    content->status = !parent || expected  ? read_tile_twice(database, id, parent, content)
                       : parent->status < 0 ? parent->status
                                            : DATABASE_ABSENT;
     if (expected && content->status == DATABASE_ABSENT)

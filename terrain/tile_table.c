@@ -106,7 +106,9 @@ static uint32_t grow(struct tile_table *table)
 
 uint32_t tile_table_add(struct tile_table *table, struct tile_id id)
 {
-    uint32_t index = table->count < table->capacity ? grow(table) : evict(table);
+    uint32_t index = table->count < table->capacity ? grow(table) : TILE_NONE;
+    if (index == TILE_NONE) /* full, or there is no memory: what is there has to do */
+        index = evict(table);
     if (index == TILE_NONE)
         return TILE_NONE;
     struct tile_entry *entry = &table->entries[index];
