@@ -1,6 +1,6 @@
 #!/bin/sh
-# A host's second entity is seen while it is there, and so is its orthographic view. At night the picture to the south does not change by
-# itself.
+# A host's second entity is seen while it is there, and so is its orthographic view. At night the
+# picture to the south does not change by itself.
 # shellcheck disable=SC2317 # functions that wait_for calls
 . "$(dirname "$0")/common.sh"
 need mbpoll

@@ -1,6 +1,7 @@
-# Three machines on one switch, a host and three channels of a swap lock, as network namespaces: what the tests
-# of channels in step share. $base is whose numbers frames go by: host or tick. $i.yaml is a channel's configuration.
-# shellcheck shell=sh disable=SC2154 # variables that pass between this file and the tests
+# Three machines on one switch, a host and three channels of a swap lock, as network namespaces: what
+# the tests of channels in step share. $base is whose numbers frames go by: host or tick. $i.yaml is a
+# channel's configuration.
+# shellcheck shell=sh disable=SC2034,SC2154 # variables that pass between this file and the tests
 
 group=239.192.0.1:8010
 host=10.77.0.1

@@ -1,6 +1,8 @@
 #!/bin/sh
-# Left, front and right, each in a network namespace of its own, without a host that leads: they draw the ticks of
-# the shared clock, from poses that all three hear, and none shows a tick before all are ready for it. Some 10 s.
+# Left, front and right, each in a network namespace of its own, without a host that leads: they draw
+# the ticks of the shared clock, from poses that all three hear, and none shows a tick before all are
+# ready for it. Some 10 s.
+# shellcheck disable=SC2317 # functions that wait_for calls
 . "$(dirname "$0")/common.sh"
 
 base=tick
@@ -25,8 +27,9 @@ driven() {
     done
 }
 
-# ticks FROM LINES: of what was shown from line FROM on, whether no tick was shown before all channels had done with
-# those before it, nearly all by all three, and each at its own time. A channel that is short of time leaves a tick out.
+# ticks FROM LINES: of what was shown from line FROM on, whether no tick was shown before all channels
+# had done with those before it, nearly all by all three, and each at its own time. A channel that is
+# short of time leaves a tick out.
 ticks() {
     tail -n "+$1" swaps | head -n "$2" | awk -v rate="$rate" -v epoch="$epoch" '
         $3 != "tick" { print "shown by", $3; bad = 1; next }
