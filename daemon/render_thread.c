@@ -164,15 +164,17 @@ static void begin_frame(struct frame_loop *loop, nsec_t frame_ns)
     }
 }
 
-/* Deadlines and the transport delay go by what is seen, the governor by what it can govern. */
-static void show_in_step(struct frame_loop *loop, nsec_t frame_ns, struct channel_frame *frame)
+/* Deadlines and the transport delay go by what is seen, the governor by what it can govern. Returns
+ * by how many ticks that is later with which others wait for this channel; else 0. */
+static unsigned show_in_step(struct frame_loop *loop, nsec_t frame_ns, struct channel_frame *frame)
 {
     if (!loop->swap)
-        return;
+        return 0;
     swap_link_show(loop->swap, label_of(loop, frame_ns));
     channel_show(loop->channel);
     frame->finished_ns = clock_monotonic_ns();
     loop->sample.swap = swap_link_status(loop->swap);
+    return loop->input.wait_ns > 0 ? 0 : swap_lock_ahead(&loop->swap->lock);
 }
 
 static void choose_pose(struct frame_loop *loop, nsec_t frame_ns)
@@ -194,19 +196,20 @@ static void take_snapshot(struct frame_loop *loop, const struct view *view)
         loop->snapshot = loop->input.snapshot;
 }
 
-static void fill_sample(struct frame_loop *loop, const struct channel_frame *frame, nsec_t tick_ns)
+/* `ticks`: to the next one that is drawn. */
+static void fill_sample(struct frame_loop *loop, const struct channel_frame *frame, nsec_t tick_ns,
+                        uint64_t ticks)
 {
     struct frame_sample *sample = &loop->sample;
     struct loader_counts counts;
     struct image_loader_counts images;
     renderer_loader_counts(channel_renderer(loop->channel), &counts);
     renderer_image_counts(channel_renderer(loop->channel), &images);
-    uint64_t missed = (uint64_t)((frame->finished_ns - tick_ns) / loop->period_ns);
     nsec_t reached_ns = loop->shown.receive_ns;
     bool first = reached_ns && reached_ns != loop->reached_ns;
     sample->frame++;
-    sample->missed += missed;
-    sample->late = missed > 0;
+    sample->missed += ticks - 1;
+    sample->late = frame->finished_ns - tick_ns >= loop->period_ns;
     sample->finished_ns = frame->finished_ns;
     sample->frame_ms = frame->frame_ms;
     sample->cpu_ms = frame->cpu_ms;
@@ -228,12 +231,12 @@ static void fill_sample(struct frame_loop *loop, const struct channel_frame *fra
 }
 
 /* Draws the frame of the tick at `tick_ns`, which is to be seen one period later. Returns the tick
- * to draw at next: the ticks that have passed meanwhile are missed, not made up for. */
+ * to draw at next: the ticks that have passed meanwhile are missed, not made up for, unless other
+ * channels wait with one of them. */
 static nsec_t draw_frame(struct frame_loop *loop, nsec_t tick_ns, bool *ret_failed)
 {
     struct channel_frame frame;
     nsec_t frame_ns = tick_ns + loop->period_ns;
-    uint64_t missed_before = loop->sample.missed;
     take_input(loop);
     begin_frame(loop, frame_ns);
     take_traffic(loop, frame_ns);
@@ -242,14 +245,16 @@ static nsec_t draw_frame(struct frame_loop *loop, nsec_t tick_ns, bool *ret_fail
     if (!loop->input.frozen)
         motion_at(&loop->motion, frame_ns + loop->period_ns, &next);
     channel_draw(loop->channel, &loop->shown, &next, loop->shown_utc_ns, false, &frame);
-    show_in_step(loop, frame_ns, &frame);
+    uint64_t ticks = show_in_step(loop, frame_ns, &frame);
+    if (ticks == 0)
+        ticks = 1 + (uint64_t)((frame.finished_ns - tick_ns) / loop->period_ns);
     renderer_set_pixel_error(
         channel_renderer(loop->channel),
         governor_next(&loop->governor, frame.frame_ms, frame.renderer.pixel_error));
     take_snapshot(loop, &frame.view);
-    fill_sample(loop, &frame, tick_ns);
+    fill_sample(loop, &frame, tick_ns, ticks);
     *ret_failed = frame.renderer.failed;
-    return frame_ns + (nsec_t)(loop->sample.missed - missed_before) * loop->period_ns;
+    return tick_ns + (nsec_t)ticks * loop->period_ns;
 }
 
 /* Channels whose system clocks agree draw at the same ticks, also where nothing else joins them. */

@@ -315,6 +315,19 @@ void swap_lock_pass(struct swap_lock *lock, nsec_t now_ns)
     }
 }
 
+unsigned swap_lock_ahead(const struct swap_lock *lock)
+{
+    const struct swap_shown *last = shown_before(lock, 0);
+    int32_t most = 0;
+    for (unsigned i = 0; last && i < lock->params.channels; i++) {
+        const struct swap_peer *peer = &lock->peers[i];
+        if (peer->in && peer->has_ready && reaches(peer->ready, last->label) &&
+            later(peer->ready, last->label) > most)
+            most = later(peer->ready, last->label);
+    }
+    return (unsigned)most;
+}
+
 bool swap_lock_speaks(const struct swap_lock *lock)
 {
     for (unsigned i = 0; i + 1 < lock->params.channel; i++)

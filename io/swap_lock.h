@@ -127,6 +127,11 @@ void swap_lock_show(struct swap_lock *lock, nsec_t now_ns, nsec_t realtime_ns);
  * again. */
 void swap_lock_pass(struct swap_lock *lock, nsec_t now_ns);
 
+/* By how many frames the latest with which a channel in step waits is later than what we showed
+ * last; 0 where none is. Who chooses his frames by the clock takes that one next: else channels
+ * that are released at different times would each go on with a frame of its own. */
+unsigned swap_lock_ahead(const struct swap_lock *lock);
+
 /* Whether this is the channel that speaks to the host for all: the first of those in step. */
 bool swap_lock_speaks(const struct swap_lock *lock);
 

@@ -24,6 +24,7 @@ struct channel {
     nsec_t until_ns, draw_ns, wait_most_ns;
     struct swap_label drawn, shown;
     nsec_t shown_ns;
+    unsigned ahead; /* of what was shown: a tick that others wait with */
 };
 
 /* Frames of all channels begin at multiples of a period, as the daemon's do. */
@@ -108,6 +109,9 @@ static void show(struct world *world, unsigned number)
     channel->shown_ns = world->now_ns;
     channel->what = SLEEPS;
     channel->until_ns = (world->now_ns / PERIOD_NS + 1) * PERIOD_NS;
+    channel->ahead = world->base == SWAP_TICKS ? swap_lock_ahead(&channel->lock) : 0;
+    if (channel->ahead > 0)
+        channel->until_ns = world->now_ns;
     for (unsigned i = 0; i < CHANNELS; i++) {
         const struct channel *other = &world->channels[i];
         if (other->alive && other->shown_ns && other->shown.number == channel->shown.number &&
@@ -125,6 +129,8 @@ static void advance(struct world *world, unsigned number)
         channel->what = DRAWS;
         channel->until_ns = world->now_ns + channel->draw_ns;
         channel->drawn = label_now(world, channel);
+        if (channel->ahead > 0)
+            channel->drawn.number = channel->shown.number + channel->ahead;
     } else if (channel->what == DRAWS && world->now_ns >= channel->until_ns) {
         channel->what = WAITS;
         swap_lock_begin(&channel->lock, channel->drawn, world->now_ns);
@@ -381,6 +387,23 @@ static void nobody_ever_waits_longer_than_the_time_out(void)
         CHECK_INT(counts(world, i)->present, 3);
 }
 
+/* Each would wait for the one before it with a tick of its own, for ever. */
+static void channels_that_begin_apart_find_one_tick(void)
+{
+    struct world *world = make_world();
+    for (unsigned i = 0; i < CHANNELS; i++) {
+        world->channels[i].draw_ns = 3 * PERIOD_NS / 4;
+        world->channels[i].until_ns = (nsec_t)(i + 1) * PERIOD_NS;
+    }
+    run(world, 20 * PERIOD_NS);
+    uint64_t shown = counts(world, 1)->frames, apart = counts(world, 1)->out_of_step;
+    run(world, 50 * PERIOD_NS);
+    CHECK(counts(world, 1)->frames >= shown + 40);
+    CHECK_INT(counts(world, 1)->out_of_step, apart);
+    CHECK_INT(counts(world, 2)->timeouts + counts(world, 3)->timeouts, 0);
+    CHECK_INT(swap_lock_ahead(&world->channels[0].lock), 0);
+}
+
 static void frame_numbers_wrap(void)
 {
     struct world *world = make_world();
@@ -556,6 +579,7 @@ int main(void)
         {"each part of a divided network goes on, and both find together",
          each_part_of_a_divided_network_goes_on_and_both_find_together},
         {"nobody ever waits longer than the time-out", nobody_ever_waits_longer_than_the_time_out},
+        {"channels that begin apart find one tick", channels_that_begin_apart_find_one_tick},
         {"frame numbers wrap", frame_numbers_wrap},
         {"a host that begins anew is followed", a_host_that_begins_anew_is_followed},
         {"the first channel in step speaks to the host",
