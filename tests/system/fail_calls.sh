@@ -36,7 +36,7 @@ draws_or_is_gone() {
 
 # run_failing CLASS SITE AT ONWARD: $status is 0 where it draws and stops in order.
 run_failing() {
-    rm -f failed
+    rm -f failed otwd.log # of the run before, which drew
     start otwd.log env ${4:+FAIL_ONWARD=1} FAIL_CLASS="$1" FAIL_SITE="$2" FAIL_AT="$3" \
         FAIL_DONE="$scratch/failed" FAIL_LIST="$scratch/$1.sites" LD_PRELOAD="$preload" \
         "$OTWD" run -c otwd.yaml
