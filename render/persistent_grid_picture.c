@@ -8,7 +8,7 @@
 
 GLuint grid_picture_texture(GLenum format, int width, int height)
 {
-    GLuint texture;
+    GLuint texture = 0;
     glCreateTextures(GL_TEXTURE_2D, 1, &texture);
     glTextureStorage2D(texture, 1, format, width, height);
     glTextureParameteri(texture, GL_TEXTURE_MIN_FILTER, GL_LINEAR);

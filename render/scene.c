@@ -11,8 +11,6 @@
 #define WGS84_E2       6.69437999014e-3
 #define CONTRAST_LN    3.912  /* ln(1 / 0.02): Koschmieder's constant */
 #define SCALE_HEIGHT_M 7000.0 /* over which the air's haze thins by e */
-#define LOWEST_M       -500.0 /* of any land, above the ellipsoid: select.comp */
-#define HIGHEST_M      9000.0
 #define SHARPNESS      1e3    /* of parallel rays: the reach at twice the tolerance; a chord */
 #define EDGE           0.05   /* as in shade.glsl */
 #define LEAST_RADIUS_M 6.33e6 /* of curvature */
@@ -168,13 +166,6 @@ static void set_edges(struct scene_block *scene)
         }
 }
 
-/* The farthest land that can be seen (a chord), on either side of the horizon. */
-static double farthest_in_sight(const struct view *view)
-{
-    double peak_m = HIGHEST_M - LOWEST_M;
-    return (view_horizon_m(view) + sqrt(peak_m * (2.0 * WGS84_A + peak_m))) / LEAST_RADIUS_M;
-}
-
 /* How far the levels are drawn about the eye; chords. */
 struct extent {
     const struct clipmap_shape *shape;
@@ -278,7 +269,7 @@ int scene_set_levels(const struct view *view, const struct clipmap_shape *shape,
     struct extent extent = {.shape = shape,
                             .levels = levels,
                             .nearest = fmax(nearest_m, 0.0) / WGS84_A,
-                            .farthest = farthest_in_sight(view)};
+                            .farthest = view_farthest_m(view) / LEAST_RADIUS_M};
     normal = extent.normal;
     cube_normal_from_geodetic(view->eye.lat_deg, view->eye.lon_deg, normal);
     scene_set_panes(view, shape, scene);

@@ -86,3 +86,6 @@ void view_slide(struct view *view, double ground_m);
 
 /* How far from the eye the lowest land may be that is seen (m): to where a ray touches it. */
 double view_horizon_m(const struct view *view);
+
+/* How far from the eye any land may be that is seen (m): a summit beyond the horizon. */
+double view_farthest_m(const struct view *view);

@@ -101,7 +101,7 @@ static double farthest_m(const struct view *view)
     double y_m = view->parallel_m * fabs(view->tan_top), most_m = -INFINITY, along_m;
     for (int i = 0; i < 4; i++) {
         if (!find_ground(view, i & 1 ? x_m : -x_m, i & 2 ? y_m : -y_m, LOWEST_M, &along_m))
-            return view_horizon_m(view) + horizon_m(HIGHEST_M);
+            return view_farthest_m(view);
         most_m = fmax(most_m, along_m);
     }
     return most_m;
@@ -126,8 +126,7 @@ void view_slide(struct view *view, double ground_m)
     view->far_m = fmax(view->far_m, view->near_m + 1.0);
 }
 
-/* Parallel rays begin as high as the farthest of them does, and as far behind the eye as near is.
- */
+/* Parallel rays begin as high as the farthest of them, and as far behind the eye as near is. */
 double view_horizon_m(const struct view *view)
 {
     if (view->parallel_m <= 0.0)
@@ -135,4 +134,9 @@ double view_horizon_m(const struct view *view)
     double aside_m = corner_m(view) + fmax(-view->near_m, 0.0);
     double from_m = WGS84_B + fmax(view->eye.height_m, 0.0);
     return horizon_m(hypot(from_m, aside_m) - WGS84_B) + aside_m;
+}
+
+double view_farthest_m(const struct view *view)
+{
+    return view_horizon_m(view) + horizon_m(HIGHEST_M);
 }
