@@ -8,7 +8,6 @@
 #include <string.h>
 #include <sys/stat.h>
 #include <sysexits.h>
-#include <unistd.h>
 
 #include "daemon/channel_options.h"
 #include "daemon/cli.h"
@@ -237,7 +236,7 @@ struct comparing {
     struct curve curves[ENTRIES_MOST];
     struct flown flown[COMPARISONS][ENTRIES_MOST];
     struct technique_report report;
-    bool progress;
+    struct progress progress;
 };
 
 /* Heights of the flight and of the ground are by the same geoid. */
@@ -283,6 +282,7 @@ static int open_all(struct comparing *comparing, struct diag *diag)
     r = stage_open(&stage, &comparing->stage, diag);
     if (r < 0)
         return r;
+    progress_tell(&comparing->progress, "ground", 1, 1);
     double frames =
         floor(seconds_from_ns(flight_duration_ns(comparing->flight)) * options->rate_hz + 1e-9);
     struct flights_params params = {
@@ -292,7 +292,7 @@ static int open_all(struct comparing *comparing, struct diag *diag)
         .every = options->every,
         .pixels = options->pixels,
         .watched = stability_pixels(options->channel.width, options->channel.height),
-        .progress = comparing->progress};
+        .progress = &comparing->progress};
     if (params.every == 0)
         params.every = 1 + params.frames / JUDGED_FRAMES;
     comparing->report = (struct technique_report){.flight = options->flight,
@@ -392,7 +392,7 @@ static int compare(struct comparing *comparing, struct diag *diag)
     const struct points_params params = {.frames = SURVEY_FRAMES,
                                          .step_ns = report->params.step_ns,
                                          .pixels = report->params.pixels,
-                                         .progress = comparing->progress};
+                                         .progress = &comparing->progress};
     struct stage *stage = &comparing->stage;
     int r = points_survey(stage, &params, comparing->curves, report->count, SURVEY_POINTS, diag);
     if (r == 0)
@@ -418,7 +418,7 @@ int bench_techniques_main(int argc, char **argv)
                                                     .posts = 4097,
                                                     .pixels = 4000};
     cli_parse(&parser, "bench", argc, argv, &comparing.options);
-    comparing.progress = isatty(STDERR_FILENO);
+    progress_init(&comparing.progress);
     int r = open_all(&comparing, &diag);
     if (r == 0)
         r = compare(&comparing, &diag);

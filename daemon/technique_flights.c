@@ -127,15 +127,15 @@ static int watch_all(struct stage *stage, const struct flights_params *params, s
     int r = stability_create(stage->params.width, stage->params.height, &stability, diag);
     if (r < 0)
         return r;
-    for (int pair = 0; r == 0 && pair < PAIRS && pair < params->frames - 1; pair++) {
+    int pairs = params->frames - 1 < PAIRS ? params->frames - 1 : PAIRS;
+    for (int pair = 0; r == 0 && pair < pairs; pair++) {
         int frame = (int)((double)pair / PAIRS * (params->frames - 1));
-        if (params->progress)
-            fprintf(stderr, "\rmotion: frame %d of %d ", frame + 1, params->frames);
         for (int i = 0; r == 0 && i < count; i++) {
             entry_tune(flown[i].entry, flown[i].setting);
             if (is_watched(&flown[i]))
                 r = watch_pair(stage, params, &flown[i], stability, frame * params->step_ns);
         }
+        progress_tell(params->progress, "motion", pair + 1, pairs);
     }
     stability_destroy(stability);
     return r < 0 ? diag_set(diag, r, "the GPU was lost") : 0;
@@ -153,11 +153,10 @@ int flights_show(struct stage *stage, const struct flights_params *params, struc
 static int judge_all(struct stage *stage, const struct flights_params *params, struct flown *flown,
                      int count)
 {
+    int judged = (params->frames + params->every - 1) / params->every;
     for (int frame = 0; frame < params->frames; frame += params->every) {
         nsec_t time_ns = frame * params->step_ns;
         struct view view;
-        if (params->progress)
-            fprintf(stderr, "\rpictures: frame %d of %d ", frame + 1, params->frames);
         int r = frame == 0 ? stage_go(stage, 0, true, &view) : 0; /* how near the ground is */
         if (r == 0)
             r = keep_truth(stage, time_ns, &view);
@@ -166,6 +165,7 @@ static int judge_all(struct stage *stage, const struct flights_params *params, s
             r = judge(stage, params, &flown[i], time_ns, &view);
         if (r < 0)
             return r;
+        progress_tell(params->progress, "pictures", frame / params->every + 1, judged);
     }
     return 0;
 }
@@ -213,13 +213,10 @@ int flights_fly(struct stage *stage, const struct flights_params *params, struct
         r = watch_all(stage, params, flown, count, diag);
     for (int round = 0; r == 0 && round < params->rounds; round++)
         for (int i = 0; r == 0 && i < count; i++) {
-            if (params->progress)
-                fprintf(stderr, "\rround %d of %d: %-20s", round + 1, params->rounds,
-                        flown[i].entry->name);
             r = fly_round(stage, params, &flown[i], round);
+            progress_tell(params->progress, "flights", round * count + i + 1,
+                          params->rounds * count);
         }
-    if (params->progress)
-        fputc('\n', stderr);
     return r < 0 ? diag_set(diag, r, "the GPU was lost") : 0;
 }
 

@@ -1,6 +1,7 @@
 /* The flight by each technique in turn: A B C A B C. */
 #pragma once
 
+#include "daemon/progress.h"
 #include "daemon/technique_entry.h"
 #include "render/stability.h"
 
@@ -11,7 +12,7 @@ struct flights_params {
     int every;       /* frames, of which one is judged */
     unsigned pixels; /* of it */
     size_t watched;  /* pixels of a frame whose motion is measured: stability_pixels(); 0: none */
-    bool progress;   /* on stderr */
+    struct progress *progress;
 };
 
 /* A technique at a setting, and what came of it. */

@@ -136,10 +136,8 @@ static int measure(struct stage *stage, const struct points_params *params,
     for (int i = 0; r == 0 && i < count; i++)
         r = gathering_init(&gatherings[i], params);
     for (int frame = 0; r == 0 && frame < params->frames; frame++) {
-        if (params->progress)
-            fprintf(stderr, "\rsettings: frame %d of %d%s", frame + 1, params->frames,
-                    frame + 1 == params->frames ? "\n" : "");
         r = visit_frame(stage, params, frame, gatherings, count);
+        progress_tell(params->progress, "settings", frame + 1, params->frames);
     }
     for (int i = 0; i < count; i++) {
         if (r == 0 && entry_is_available(gatherings[i].curve->entry)) {

@@ -2,6 +2,7 @@
  * or a time that is asked for. */
 #pragma once
 
+#include "daemon/progress.h"
 #include "daemon/technique_entry.h"
 
 #define POINTS_MOST 24 /* that are measured of an entry */
@@ -25,7 +26,7 @@ struct points_params {
     int frames;      /* that are looked at, evenly over the flight */
     nsec_t step_ns;  /* between frames, for what has a history */
     unsigned pixels; /* that are judged of a frame */
-    bool progress;   /* on stderr */
+    struct progress *progress;
 };
 
 /* Measures `each` settings of every entry's knob, evenly in factors over its range. -EIO where the

@@ -15,6 +15,8 @@ struct quality {
     size_t picture; /* pixels */
     struct readback *depths, *colours;
     float *depth, *kept_depth;              /* [picture], rows from the bottom */
+    float *least, *most;                    /* [picture], of the depths kept around a pixel */
+    float *row_least, *row_most;            /* [picture], of those in its row */
     uint8_t *ours, *reference, *difference; /* [4 picture], likewise */
     uint32_t *asked;                        /* [pixels] of a frame */
     /* Of those that show ground: where they are; what they show, and what they would if depth were
@@ -30,6 +32,10 @@ static int allocate(struct quality *quality, struct diag *diag)
     size_t pixels = quality->params.pixels;
     quality->depth = calloc(quality->picture, sizeof(*quality->depth));
     quality->kept_depth = calloc(quality->picture, sizeof(*quality->kept_depth));
+    quality->least = calloc(quality->picture, sizeof(*quality->least));
+    quality->most = calloc(quality->picture, sizeof(*quality->most));
+    quality->row_least = calloc(quality->picture, sizeof(*quality->row_least));
+    quality->row_most = calloc(quality->picture, sizeof(*quality->row_most));
     quality->ours = calloc(quality->picture, 4);
     quality->reference = calloc(quality->picture, 4);
     quality->difference = calloc(quality->picture, 4);
@@ -37,7 +43,8 @@ static int allocate(struct quality *quality, struct diag *diag)
     quality->px = calloc(pixels, sizeof(*quality->px));
     quality->places = calloc(pixels, sizeof(*quality->places));
     quality->ground_m = calloc(pixels, sizeof(*quality->ground_m));
-    bool have = quality->depth && quality->kept_depth && quality->ours && quality->reference &&
+    bool have = quality->depth && quality->kept_depth && quality->least && quality->most &&
+                quality->row_least && quality->row_most && quality->ours && quality->reference &&
                 quality->difference && quality->asked && quality->px && quality->places &&
                 quality->ground_m;
     return have ? 0 : diag_set(diag, -ENOMEM, "no memory for the measure of quality");
@@ -74,6 +81,10 @@ void quality_destroy(struct quality *quality)
     readback_destroy(quality->colours);
     free(quality->depth);
     free(quality->kept_depth);
+    free(quality->least);
+    free(quality->most);
+    free(quality->row_least);
+    free(quality->row_most);
     free(quality->ours);
     free(quality->reference);
     free(quality->difference);
@@ -217,40 +228,51 @@ int quality_look(struct quality *quality, struct renderer *renderer, const struc
     return r < 0 || !quality->params.pass ? r : compare(quality, renderer, view, tally);
 }
 
+/* Of a line's values and those up to QUALITY_NEAR_PX before and after, the least and the greatest.
+ */
+static void widen_lines(const struct quality *quality, int step, const float *least,
+                        const float *most, float *ret_least, float *ret_most)
+{
+    int width = quality->params.width, height = quality->params.height;
+    for (int row = 0; row < height; row++)
+        for (int col = 0; col < width; col++) {
+            int at = row * width + col, along = step == 1 ? col : row;
+            int last = (step == 1 ? width : height) - 1;
+            int from = along < QUALITY_NEAR_PX ? -along : -QUALITY_NEAR_PX;
+            int to = last - along < QUALITY_NEAR_PX ? last - along : QUALITY_NEAR_PX;
+            float low = least[at], high = most[at];
+            for (int i = from; i <= to; i++) {
+                low = least[at + i * step] < low ? least[at + i * step] : low;
+                high = most[at + i * step] > high ? most[at + i * step] : high;
+            }
+            ret_least[at] = low;
+            ret_most[at] = high;
+        }
+}
+
 int quality_keep(struct quality *quality, struct renderer *renderer)
 {
     int r =
         readback_copy(quality->depths, renderer_depth_framebuffer(renderer), quality->kept_depth);
-    return r < 0 ? r
-                 : readback_copy(quality->colours, renderer_framebuffer(renderer),
-                                 quality->reference);
+    if (r == 0)
+        r = readback_copy(quality->colours, renderer_framebuffer(renderer), quality->reference);
+    if (r < 0)
+        return r;
+    widen_lines(quality, 1, quality->kept_depth, quality->kept_depth, quality->row_least,
+                quality->row_most);
+    widen_lines(quality, quality->params.width, quality->row_least, quality->row_most,
+                quality->least, quality->most);
+    return 0;
 }
 
-/* The least and greatest depth that is kept around a pixel; the least is 0 where any is sky. */
-static void kept_around(const struct quality *quality, int col, int row, float *ret_least,
-                        float *ret_most)
-{
-    int width = quality->params.width, height = quality->params.height;
-    int first = row - QUALITY_NEAR_PX, left = col - QUALITY_NEAR_PX;
-    *ret_least = INFINITY;
-    *ret_most = 0.0f;
-    for (int r = first < 0 ? 0 : first; r < height && r <= row + QUALITY_NEAR_PX; r++)
-        for (int c = left < 0 ? 0 : left; c < width && c <= col + QUALITY_NEAR_PX; c++) {
-            float depth = quality->kept_depth[r * width + c];
-            *ret_least = fminf(*ret_least, depth);
-            *ret_most = fmaxf(*ret_most, depth);
-        }
-}
-
-/* Depth is near over distance. */
+/* Pixels that show what nothing kept around them does. Depth is near over distance, and 0 where
+ * there is sky. */
 static void count_strangers(const struct quality *quality, struct quality_difference *difference)
 {
     for (size_t i = 0; i < quality->picture; i++) {
-        int col = (int)i % quality->params.width, row = (int)i / quality->params.width;
-        float least, most;
-        kept_around(quality, col, row, &least, &most);
-        difference->holes += quality->depth[i] < NEARLY * least;
-        difference->walls += least > 0.0f && NEARLY * quality->depth[i] > most;
+        difference->holes += quality->depth[i] < NEARLY * quality->least[i];
+        difference->walls +=
+            quality->least[i] > 0.0f && NEARLY * quality->depth[i] > quality->most[i];
     }
 }
 

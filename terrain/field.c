@@ -3,12 +3,9 @@
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "geo/cube.h"
 #include "geo/geographic.h"
-
-#define STRIP_ROWS 64 /* of posts that are sampled at a time */
 
 /* The first post along one axis of the face. */
 static int32_t first_post(double angle_rad, double step_rad, int cells, int32_t face_cells)
@@ -16,29 +13,6 @@ static int32_t first_post(double angle_rad, double step_rad, int cells, int32_t 
     double first = (angle_rad + M_PI / 4.0) / step_rad - 0.5 * cells;
     int32_t aligned = (int32_t)nearbyint(first / FIELD_ALIGNED) * FIELD_ALIGNED;
     return aligned < 0 ? 0 : aligned > face_cells - cells ? face_cells - cells : aligned;
-}
-
-static int sample(struct reference *reference, struct field *field)
-{
-    int side = field->cells + 1;
-    float *strip = malloc(STRIP_ROWS * REFERENCE_COLUMNS * sizeof(*strip));
-    if (!strip)
-        return -ENOMEM;
-    for (int row = 0; row < side; row += STRIP_ROWS)
-        for (int col = 0; col < side; col += REFERENCE_COLUMNS) {
-            struct clipmap_rect posts = {field->row0 + row, field->col0 + col, STRIP_ROWS,
-                                         REFERENCE_COLUMNS};
-            if (posts.rows > side - row)
-                posts.rows = side - row;
-            if (posts.cols > side - col)
-                posts.cols = side - col;
-            reference_posts(reference, field->face, posts, strip);
-            for (int r = 0; r < posts.rows; r++)
-                memcpy(&field->height_m[(size_t)(row + r) * (size_t)side + (size_t)col],
-                       &strip[r * posts.cols], (size_t)posts.cols * sizeof(*strip));
-        }
-    free(strip);
-    return 0;
 }
 
 int field_create(struct reference *reference, const struct geodetic *middle, int cells,
@@ -62,11 +36,12 @@ int field_create(struct reference *reference, const struct geodetic *middle, int
     field->col0 = first_post(angle[0], step_rad, cells, face_cells);
     field->row0 = first_post(angle[1], step_rad, cells, face_cells);
     field->height_m = malloc(side * side * sizeof(*field->height_m));
-    int r = field->height_m ? sample(reference, field) : -ENOMEM;
-    if (r < 0) {
+    if (!field->height_m) {
         field_destroy(field);
-        return diag_set(diag, r, "no memory for a field of %zu x %zu posts", side, side);
+        return diag_set(diag, -ENOMEM, "no memory for a field of %zu x %zu posts", side, side);
     }
+    const struct clipmap_rect posts = {field->row0, field->col0, (int32_t)side, (int32_t)side};
+    reference_posts(reference, field->face, posts, field->height_m);
     *ret_field = field;
     return 0;
 }

@@ -1,9 +1,9 @@
 #include "terrain/reference.h"
 
-#include <assert.h>
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "geo/cube.h"
 #include "geo/geographic.h"
@@ -14,12 +14,13 @@
 
 #define RADIUS_MOST  6399594.0 /* of curvature, at the poles */
 #define CHUNK_PLACES 256       /* that a worker takes at a time */
-#define CHUNK_POSTS  (4 * REFERENCE_COLUMNS)
+#define SQUARE       64        /* a side of the posts that a worker takes at a time */
+#define SQUARE_POSTS (SQUARE * SQUARE)
 
 /* A worker's. */
 struct reference_scratch {
-    double lat_deg[CHUNK_POSTS], lon_deg[CHUNK_POSTS];
-    float altitude_m[CHUNK_POSTS], fallback_m[CHUNK_POSTS], undulation_m[CHUNK_POSTS];
+    double lat_deg[SQUARE_POSTS], lon_deg[SQUARE_POSTS];
+    float altitude_m[SQUARE_POSTS], fallback_m[SQUARE_POSTS], undulation_m[SQUARE_POSTS];
 };
 
 struct reference {
@@ -195,32 +196,40 @@ struct posts_run {
     float *ret_height_m;
 };
 
-static int rows_of_chunk(const struct clipmap_rect *posts)
+/* So many squares side by side. */
+static int squares_along(int posts)
 {
-    return CHUNK_POSTS / posts->cols;
+    return (posts + SQUARE - 1) / SQUARE;
 }
 
+/* A square, so that workers who are side by side need different tiles, which are decoded at once.
+ */
 static int run_posts(void *user, unsigned worker, unsigned item)
 {
     const struct posts_run *run = user;
     struct reference_scratch *scratch = &run->reference->scratch[worker];
-    struct clipmap_rect rect = run->posts;
-    int rows = rows_of_chunk(&rect), first = (int)item * rows;
-    rect.row0 += first;
-    rect.rows = rect.rows - first < rows ? rect.rows - first : rows;
+    int across = squares_along(run->posts.cols);
+    int first_row = (int)item / across * SQUARE, first_col = (int)item % across * SQUARE;
+    int rows = run->posts.rows - first_row, cols = run->posts.cols - first_col;
+    struct clipmap_rect rect = {run->posts.row0 + first_row, run->posts.col0 + first_col,
+                                rows < SQUARE ? rows : SQUARE, cols < SQUARE ? cols : SQUARE};
+    float height_m[SQUARE_POSTS];
     level_store_places(&run->store, rect, 1, scratch->lat_deg, scratch->lon_deg);
     undulation_of_half_posts(run->reference->geoid, &run->store, rect, scratch->lat_deg,
                              scratch->lon_deg, scratch->undulation_m);
-    sample(run->reference, scratch, rect.rows * rect.cols,
-           run->ret_height_m + (size_t)first * (size_t)rect.cols);
+    sample(run->reference, scratch, rect.rows * rect.cols, height_m);
+    for (int r = 0; r < rect.rows; r++)
+        memcpy(&run->ret_height_m[(size_t)(first_row + r) * (size_t)run->posts.cols +
+                                  (size_t)first_col],
+               &height_m[r * rect.cols], (size_t)rect.cols * sizeof(height_m[0]));
     return 0;
 }
 
 void reference_posts(struct reference *reference, int face, struct clipmap_rect posts,
                      float *ret_height_m)
 {
-    assert(posts.cols <= REFERENCE_COLUMNS);
     struct posts_run run = {reference, posts_of(reference, face), posts, ret_height_m};
-    int rows = rows_of_chunk(&posts);
-    crew_run(reference->crew, (unsigned)((posts.rows + rows - 1) / rows), run_posts, &run);
+    crew_run(reference->crew,
+             (unsigned)squares_along(posts.rows) * (unsigned)squares_along(posts.cols), run_posts,
+             &run);
 }

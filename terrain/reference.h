@@ -40,7 +40,6 @@ int reference_level_for(const struct clipmap_shape *shape, double step_m);
 void reference_heights(struct reference *reference, const struct geodetic *places, size_t count,
                        double *ret_height_m);
 
-/* The heights of a face's posts, row-major; at most REFERENCE_COLUMNS columns. */
-#define REFERENCE_COLUMNS 1024
+/* The heights of a face's posts, row-major. */
 void reference_posts(struct reference *reference, int face, struct clipmap_rect posts,
                      float *ret_height_m);

@@ -71,6 +71,7 @@ struct check_test {
 static inline int check_main(const struct check_test *tests, size_t count)
 {
     int failed = 0;
+    setvbuf(stdout, NULL, _IOLBF, 0); /* where one hangs, what was before it is told */
     for (size_t i = 0; i < count; i++) {
         int before = check_failures;
         check_title = tests[i].title;
