@@ -66,31 +66,40 @@ static uint8_t byte_from_signed(float value)
     return (uint8_t)(scaled + 0.5f);
 }
 
+/* `cells` of the longest waves along a side. */
+static void fill_layer(int cells, float *surface, uint8_t (*texels)[4])
+{
+    for (int y = 0; y < SIDE; y++)
+        for (int x = 0; x < SIDE; x++)
+            surface[y * SIDE + x] = symmetric(x, y, 2 * cells, 0.6f, 11);
+    for (int y = 0; y < SIDE; y++)
+        for (int x = 0; x < SIDE; x++) {
+            float east = surface[y * SIDE + (x + 1) % SIDE];
+            float west = surface[y * SIDE + (x + SIDE - 1) % SIDE];
+            float north = surface[(y + 1) % SIDE * SIDE + x];
+            float south = surface[(y + SIDE - 1) % SIDE * SIDE + x];
+            uint8_t *texel = texels[y * SIDE + x];
+            texel[0] = byte_from_signed(2.0f * (east - west));
+            texel[1] = byte_from_signed(2.0f * (north - south));
+            texel[2] = byte_from_signed(symmetric(x, y, cells, 0.85f, 101));
+            texel[3] = byte_from_signed(symmetric(x, y, cells, 0.7f, 211));
+        }
+}
+
 GLuint ground_texture_create(bool software)
 {
+    static const int cells[] = {4, 16}; /* of each layer */
     float *surface = malloc(SIDE * SIDE * sizeof(*surface));
     uint8_t(*texels)[4] = malloc(SIDE * SIDE * sizeof(*texels));
     GLuint texture = 0;
     if (surface && texels) {
-        for (int y = 0; y < SIDE; y++)
-            for (int x = 0; x < SIDE; x++)
-                surface[y * SIDE + x] = symmetric(x, y, 8, 0.6f, 11);
-        for (int y = 0; y < SIDE; y++) {
-            for (int x = 0; x < SIDE; x++) {
-                float east = surface[y * SIDE + (x + 1) % SIDE];
-                float west = surface[y * SIDE + (x + SIDE - 1) % SIDE];
-                float north = surface[(y + 1) % SIDE * SIDE + x];
-                float south = surface[(y + SIDE - 1) % SIDE * SIDE + x];
-                uint8_t *texel = texels[y * SIDE + x];
-                texel[0] = byte_from_signed(2.0f * (east - west));
-                texel[1] = byte_from_signed(2.0f * (north - south));
-                texel[2] = byte_from_signed(symmetric(x, y, 4, 0.85f, 101));
-                texel[3] = byte_from_signed(symmetric(x, y, 4, 0.7f, 211));
-            }
+        glCreateTextures(GL_TEXTURE_2D_ARRAY, 1, &texture);
+        glTextureStorage3D(texture, 9, GL_RGBA8, SIDE, SIDE, 2);
+        for (int layer = 0; layer < 2; layer++) {
+            fill_layer(cells[layer], surface, texels);
+            glTextureSubImage3D(texture, 0, 0, 0, layer, SIDE, SIDE, 1, GL_RGBA, GL_UNSIGNED_BYTE,
+                                texels);
         }
-        glCreateTextures(GL_TEXTURE_2D, 1, &texture);
-        glTextureStorage2D(texture, 9, GL_RGBA8, SIDE, SIDE);
-        glTextureSubImage2D(texture, 0, 0, 0, SIDE, SIDE, GL_RGBA, GL_UNSIGNED_BYTE, texels);
         glGenerateTextureMipmap(texture);
         glTextureParameteri(texture, GL_TEXTURE_MIN_FILTER,
                             software ? GL_LINEAR_MIPMAP_NEAREST : GL_LINEAR_MIPMAP_LINEAR);

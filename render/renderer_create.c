@@ -133,9 +133,10 @@ static int create_shade_program(const struct renderer *renderer, const struct gl
     char defines[512];
     size_t used = (size_t)snprintf(
         defines, sizeof(defines),
-        "%s#define IMAGE_TAPS %d\n#define STORAGE %d\n#define GROUND %d\n#define SKY %d\n",
+        "%s#define IMAGE_TAPS %d\n#define STORAGE %d\n#define GRAIN %d\n#define GROUND %d\n"
+        "#define SKY %d\n",
         image_pass_defines(renderer->images), facts->image_taps, clipmap_storage(&renderer->shape),
-        ground, sky);
+        !facts->software, ground, sky);
     describe_samples(renderer, sizeof(defines) - used, defines + used);
     const struct program_params shade = {.name = facts->software ? "shade" : "shade_compute",
                                          .defines = defines,

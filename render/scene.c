@@ -9,12 +9,13 @@
 #define DEGREE         (M_PI / 180.0)
 #define WGS84_A        6378137.0
 #define WGS84_E2       6.69437999014e-3
-#define CONTRAST_LN    3.912  /* ln(1 / 0.02): Koschmieder's constant */
-#define SCALE_HEIGHT_M 7000.0 /* over which the air's haze thins by e */
-#define SHARPNESS      1e3    /* of parallel rays: the reach at twice the tolerance; a chord */
-#define EDGE           0.05   /* as in shade.glsl */
-#define LEAST_RADIUS_M 6.33e6 /* of curvature */
-#define EVERYWHERE     8.0f   /* longer than any chord */
+#define CONTRAST_LN    3.912   /* ln(1 / 0.02): Koschmieder's constant */
+#define SCALE_HEIGHT_M 7000.0  /* over which the air's haze thins by e */
+#define GROUND_TILE_M  65536.0 /* the ground texture's largest tile, about */
+#define SHARPNESS      1e3     /* of parallel rays: the reach at twice the tolerance; a chord */
+#define EDGE           0.05    /* as in shade.glsl */
+#define LEAST_RADIUS_M 6.33e6  /* of curvature */
+#define EVERYWHERE     8.0f    /* longer than any chord */
 
 /* Reversed depth with the far plane at infinity: near -> 1, infinity -> 0. For parallel rays, on
  * whose way depth is linear, near -> 1, far -> 0. */
@@ -279,6 +280,7 @@ int scene_set_levels(const struct view *view, const struct clipmap_shape *shape,
     clipmap_reaches(shape, normal, extent.reaches);
     clipmap_ends(shape, caps, normal, detail->share, extent.ends);
     scene->eye_rest[2] = (float)(1.0 / CLIPMAP_BLEND);
+    scene->sizes[0] = (int32_t)lround(log2(GROUND_TILE_M / (0.5 * step_rad * WGS84_A)));
     scene->sizes[1] = 2 * clipmap_cells(shape, 0);
     scene->grid[1] = (float)extent.nearest;
     scene->grid[2] = (float)(detail->pixel_rad / (step_rad * WGS84_A));

@@ -100,8 +100,8 @@ static void stripes(double lon, double lat, double ret_bands[4])
 /* Radiance from what is stored: shade's displayed() the other way round. */
 static double radiance(uint8_t stored)
 {
-    double shown = stored / 255.0 * stored / 255.0 / 1.12, b = 1.0 - 0.55 * shown;
-    return (sqrt(b * b + 0.48 * shown) - b) / 0.24;
+    double shown = stored / 255.0 * stored / 255.0, b = 1.2 - shown;
+    return (sqrt(b * b + 4.0 * 0.031 * shown) - b) / (2.0 * 0.031);
 }
 
 /* A part of the view, of WIDTH / FINER pixels by HEIGHT / FINER, as large as the whole one. */

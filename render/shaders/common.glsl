@@ -37,7 +37,8 @@ layout(std140, binding = 0) uniform Scene {
                           // the eye light has gone, m; z: a step of depth that is an edge; w: the
                           // distance at which their distances from the view direction are tangents, m
     mat4 enu_from_eye;
-    ivec4 sizes;          // y: half-posts along a face at level 0; zw: finest and coarsest level held
+    ivec4 sizes;          // x: log2 of the half-posts of level 0 along the ground texture's largest tile;
+                          // y: half-posts along a face at level 0; zw: finest and coarsest level held
     Pane panes[PANES];
     ivec4 edges[4 * PANES]; // across the sides west, east, south, north of a pane: the neighbour's pane
                             // (-1: not near), side, 1 where it runs backwards, its face
@@ -58,8 +59,8 @@ vec3 sky_colour(vec3 direction)
     low *= low;
     low *= low;
     float sunset = clamp(1.0 - abs(scene.sun.z) * 4.0, 0.0, 1.0);
-    vec3 zenith = mix(vec3(0.10, 0.24, 0.56), vec3(0.10, 0.15, 0.34), sunset);
-    vec3 horizon = mix(vec3(0.56, 0.67, 0.80), vec3(0.74, 0.53, 0.39), sunset * (0.3 + 0.7 * toward_sun));
+    vec3 zenith = mix(vec3(0.10, 0.26, 0.64), vec3(0.10, 0.15, 0.34), sunset);
+    vec3 horizon = mix(vec3(0.62, 0.77, 0.97), vec3(0.74, 0.53, 0.39), sunset * (0.3 + 0.7 * toward_sun));
     vec3 sky = mix(zenith, horizon, low);
     float glow = toward_sun * toward_sun;
     glow *= glow;
@@ -109,11 +110,10 @@ float transmittance(float distance_m, float rise_m)
     return exp(-scene.haze.x * distance_m * mean);
 }
 
-// Radiance to what is stored: a soft shoulder, then gamma 2.
+// Radiance to what is stored: a shoulder up to snow in the full sun (3.3), then gamma 2.
 vec3 displayed(vec3 radiance)
 {
-    radiance = radiance * (1.0 + radiance * 0.12) / (1.0 + radiance * 0.55);
-    return sqrt(clamp(radiance * 1.12, 0.0, 1.0));
+    return sqrt(min(radiance * (1.2 + radiance * 0.031) / (1.0 + radiance), 1.0));
 }
 // Positions relative to the eye on WGS84 by differences that do not cancel: decision 0013. A place is
 // the difference dn of its unit normal from the eye's, and a height.

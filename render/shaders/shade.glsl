@@ -4,7 +4,8 @@
 // those are shaded one by one.
 
 layout(binding = 1) uniform sampler2DArray surfaces; // slopes along and across (coded), water
-layout(binding = 2) uniform sampler2D ground;        // tiling: slope x, slope y, two noises
+layout(binding = 2) uniform sampler2DArray ground;   // tiling: slope x, slope y, two noises; a layer with
+                                                     // waves of all lengths, one with short ones
 // Near / distance along the view axis; for parallel rays the way from far as a share.
 #if SAMPLES > 1
 layout(binding = 3) uniform sampler2DMS depths;
@@ -94,18 +95,30 @@ vec3 surface_at(Spot spot, vec3 dn)
     return vec3(SURFACE_STEEPEST * code * abs(code), own.z);
 }
 
-// What grows or lies there. `wide` varies over kilometres, `near` over metres; both are fixed to the
-// ground. Tree and snow lines follow the latitude as they do on Earth.
-vec3 land_colour(float altitude_km, float steepness, vec4 wide, vec4 near)
+// The noise of a tile that is 2^power half-posts of level 0 wide, whatever these are, and of which a pixel
+// covers 2^lod texels.
+vec4 ground_noise(Spot spot, int power, float layer, float lod)
 {
-    float sin2 = scene.eye_trig.x * scene.eye_trig.x;
+    ivec2 whole = spot.origin & ((1 << max(power, 0)) - 1);
+    return textureLod(ground, vec3((vec2(whole) + spot.halves) * exp2(float(-power)), layer), lod);
+}
+
+// What grows or lies there. `soft` is what thresholds have to be wider by where the noise that would cut
+// across them is too fine to be seen. `wide` varies over kilometres, `near` over metres; both are fixed
+// to the ground. Tree and snow lines follow the latitude, of which `sin2` is the sine's square, as they
+// do on Earth, and so do deserts.
+vec3 land_colour(float altitude_km, float steepness, float sin2, vec4 wide, vec4 near, float soft)
+{
+    float tropic = (sin2 - 0.17) * 12.0;
+    float dry = 1.0 / (1.0 + tropic * tropic);
     float tree_line = 3.9 - (2.6 + 2.0 * sin2) * sin2;
     float snow_line = 5.3 - (2.6 + 3.2 * sin2) * sin2;
     float patches = wide.z * 0.55 + near.z * 0.45;
     float ragged = (patches - 0.5) * 1.1;
-    float moisture = smoothstep(0.38, 0.62, wide.w * 0.7 + near.w * 0.3);
+    float moisture = smoothstep(0.38, 0.62, wide.w * 0.7 + near.w * 0.3 + 0.1 - 0.3 * dry);
 
-    vec3 meadow = mix(vec3(0.155, 0.135, 0.060), vec3(0.070, 0.105, 0.028), moisture);
+    vec3 straw = mix(vec3(0.155, 0.135, 0.060), vec3(0.300, 0.235, 0.150), dry);
+    vec3 meadow = mix(straw, vec3(0.070, 0.105, 0.028), moisture);
     vec3 forest = vec3(0.020, 0.036, 0.014) * (0.2 + 1.7 * near.z);
     vec3 alpine = mix(vec3(0.155, 0.135, 0.085), vec3(0.105, 0.110, 0.055), moisture);
     vec3 rock = mix(vec3(0.115, 0.105, 0.098), vec3(0.215, 0.200, 0.185), patches);
@@ -113,7 +126,8 @@ vec3 land_colour(float altitude_km, float steepness, vec4 wide, vec4 near)
 
     float above_trees = smoothstep(-0.25, 0.15, altitude_km + 0.4 * ragged - tree_line);
     vec3 land = mix(meadow, alpine, above_trees);
-    float trees = smoothstep(0.49, 0.53, wide.w * 0.45 + near.w * 0.35 + near.z * 0.2) *
+    float growth = wide.w * 0.45 + near.w * 0.35 + near.z * 0.2 - 0.2 * dry;
+    float trees = smoothstep(0.49 - soft, 0.53 + soft, growth) *
                   (1.0 - above_trees) * (1.0 - smoothstep(0.7, 1.1, steepness));
     land = mix(land * (0.65 + 0.7 * near.z), forest, trees);
     float bare = smoothstep(0.62, 0.78, steepness + 0.7 * ragged + 0.2 * above_trees);
@@ -173,17 +187,22 @@ vec3 ground_radiance(vec3 dn, vec3 view, float distance_m, float altitude_km)
 {
     Spot spot = spot_at(dn);
     vec3 surface = surface_at(spot, dn);
-    vec2 place = 0.5 * (spot.halves + vec2(spot.origin & ((1 << 21) - 1)));
-    // Finest posts that a pixel covers, lengthened by half of the foreshortening.
+    // Half-posts of level 0 that a pixel covers, lengthened by half of the foreshortening.
     float facing = -dot(view, spot.normal);
-    float posts = distance_m * scene.grid.z * inversesqrt(clamp(facing, 0.02, 1.0));
-    float lod = log2(posts) - 0.6;
-    vec4 wide = textureLod(ground, place * (1.0 / 16384.0), lod - 6.0);
-    vec4 middle = textureLod(ground, place * (1.0 / 2048.0), lod - 3.0);
-    vec4 near = textureLod(ground, place * (1.0 / 256.0), lod);
+    float covered = distance_m * scene.grid.z * 2.0 * inversesqrt(clamp(facing, 0.02, 1.0));
+    // Tiles of 64 km, 4 km, 256 m and 16 m, of 2^8 texels.
+    int power = scene.sizes.x;
+    float lod = log2(covered) - float(power - 8) - 0.6;
     // From where its tiles would be seen to stand in rows there is no noise.
-    wide = mix(vec4(0.5), wide, clamp(3.7 - 0.5 * lod, 0.0, 1.0));
-    middle = mix(vec4(0.5), middle, clamp(2.7 - 0.5 * lod, 0.0, 1.0));
+    vec4 seen = clamp(vec4(0.4, 0.0, -2.0, -4.0) - 0.5 * lod, 0.0, 1.0);
+    vec4 wide = mix(vec4(0.5), ground_noise(spot, power, 0.0, lod), seen.x);
+    vec4 middle = mix(vec4(0.5), ground_noise(spot, power - 4, 1.0, lod + 4.0), seen.y);
+    vec4 near = mix(vec4(0.5), ground_noise(spot, power - 8, 1.0, lod + 8.0), seen.z);
+#if GRAIN
+    vec4 grain = mix(vec4(0.5), ground_noise(spot, power - 12, 1.0, lod + 12.0), seen.w);
+#else
+    vec4 grain = vec4(0.5); // a twentieth of a frame by software
+#endif
 
     float steepness = length(surface.xy);
     float water = surface.z;
@@ -195,7 +214,8 @@ vec3 ground_radiance(vec3 dn, vec3 view, float distance_m, float altitude_km)
     water = water * (1.0 - mask.y) + mask.x;
 #endif
     water = smoothstep(0.45, 0.55, water);
-    vec2 bumps = (wide.xy - 0.5) * 0.7 + (middle.xy - 0.5) * 1.3 + (near.xy - 0.5) * 1.4;
+    vec2 bumps = (wide.xy - 0.5) * 0.7 + (middle.xy - 0.5) * 1.3 + (near.xy - 0.5) * 1.4 +
+                 (grain.xy - 0.5) * 0.7;
     vec2 slope = surface.xy + bumps * (0.12 + 0.88 * min(steepness, 1.0)) * (1.0 - water);
     slope += (near.xy - 0.5) * 0.05 * water;
     vec3 normal = tilted(spot, slope);
@@ -209,13 +229,13 @@ vec3 ground_radiance(vec3 dn, vec3 view, float distance_m, float altitude_km)
     vec3 radiance = vec3(0.0);
     if (water < 1.0) {
         float lit = max(dot(normal, scene.sun.xyz), 0.0);
-        vec3 albedo =
-            land_colour(altitude_km, steepness, mix(wide, middle, 0.35), mix(middle, near, 0.5));
+        float sine = dot(spot.normal.yz, scene.eye_trig.yx);
+        vec3 albedo = land_colour(altitude_km, steepness, sine * sine, mix(wide, middle, 0.35),
+                                  mix(middle, near, 0.5), 0.05 * (2.0 - seen.y - seen.z));
+        albedo *= 0.6 + 0.8 * grain.z;
         radiance = albedo * (sun_colour * lit + ambient * (0.55 + 0.45 * dot(normal, spot.normal)));
 #if COLOUR
-        // A noise that is far away enough for its tiles to stand in rows is left out.
-        vec3 strength = clamp(vec3(3.0, 2.0, 1.0) - 0.25 * lod, 0.0, 1.0);
-        float mottle = dot((vec3(wide.z, middle.z, near.z) - 0.5) * strength, vec3(0.6, 0.6, 0.8));
+        float mottle = dot(vec3(wide.z, middle.z, near.z) - 0.5, vec3(0.6, 0.6, 0.8));
         vec3 lit_photo = photo_radiance(photo.rgb, mottle, spot, surface.xy, slope,
                                         image.enlargement, sun_colour, ambient);
         radiance = mix(radiance, lit_photo, photo.a);
