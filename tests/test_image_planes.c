@@ -100,8 +100,8 @@ static void stripes(double lon, double lat, double ret_bands[4])
 /* Radiance from what is stored: shade's displayed() the other way round. */
 static double radiance(uint8_t stored)
 {
-    double shown = stored / 255.0 * stored / 255.0, b = 1.2 - shown;
-    return (sqrt(b * b + 4.0 * 0.031 * shown) - b) / (2.0 * 0.031);
+    double shown = stored / 255.0 * stored / 255.0;
+    return shown / (1.45 - 1.15 * shown);
 }
 
 /* A part of the view, of WIDTH / FINER pixels by HEIGHT / FINER, as large as the whole one. */

@@ -113,7 +113,7 @@ float transmittance(float distance_m, float rise_m)
 // Radiance to what is stored: a shoulder up to snow in the full sun (3.3), then gamma 2.
 vec3 displayed(vec3 radiance)
 {
-    return sqrt(min(radiance * (1.2 + radiance * 0.031) / (1.0 + radiance), 1.0));
+    return sqrt(min(radiance * 1.45 / (1.0 + 1.15 * radiance), 1.0));
 }
 // Positions relative to the eye on WGS84 by differences that do not cancel: decision 0013. A place is
 // the difference dn of its unit normal from the eye's, and a height.
