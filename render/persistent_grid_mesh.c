@@ -159,8 +159,8 @@ void grid_mesh_aim(struct grid_mesh *mesh, const struct view *view, const float 
     send_cover(mesh, &cover, jitter);
     glBindBufferBase(GL_SHADER_STORAGE_BUFFER, ROWS_BINDING, mesh->row_buffer);
     glUseProgram(mesh->rows_program);
+    glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT); /* rows that are still read */
     glDispatchCompute(1, 1, 1);
-    glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT);
 }
 
 void grid_mesh_lay(struct grid_mesh *mesh, int slice)
@@ -171,6 +171,7 @@ void grid_mesh_lay(struct grid_mesh *mesh, int slice)
     glBindBufferBase(GL_SHADER_STORAGE_BUFFER, PLACES_BINDING, mesh->vertices);
     glProgramUniform2i(mesh->place_program, 3, slice * slice_rows(mesh), slice_rows(mesh));
     glUseProgram(mesh->place_program);
+    glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT); /* the rows; vertices that are still drawn */
     glDispatchCompute((GLuint)mesh->columns / 8 + 1, (GLuint)slice_rows(mesh) / 8 + 1, 1);
     glMemoryBarrier(GL_VERTEX_ATTRIB_ARRAY_BARRIER_BIT);
 }
