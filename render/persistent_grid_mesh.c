@@ -9,7 +9,7 @@
 #define STRIP_CELLS      10               /* a row of a strip: 20 triangles (section 3.2.1) */
 #define SEARCH_EDGES_M   20e3F
 #define ROW_BYTES        16
-#define VERTEX_BYTES     12
+#define VERTEX_BYTES     16
 #define RESTART          0xffffffffU
 #define ROWS_BINDING     0
 #define PLACES_BINDING   1
@@ -29,7 +29,7 @@ int grid_mesh_init(struct grid_mesh *mesh, const struct technique_params *params
     mesh->ground.field = params->field;
     mesh->ground.ball = field_ball(params->field, 0, 0, params->field->cells);
     glCreateVertexArrays(1, &mesh->vertex_array);
-    glVertexArrayAttribFormat(mesh->vertex_array, 0, 3, GL_FLOAT, GL_FALSE, 0);
+    glVertexArrayAttribFormat(mesh->vertex_array, 0, 4, GL_FLOAT, GL_FALSE, 0);
     glEnableVertexArrayAttrib(mesh->vertex_array, 0);
     glVertexArrayAttribBinding(mesh->vertex_array, 0, 0);
     int r = field_program_create(params->heights, &program, &mesh->rows_program, diag);
