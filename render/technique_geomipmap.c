@@ -153,10 +153,10 @@ static int create(const struct technique_ops *ops, bool morphs, bool sent,
     self->morphs = morphs;
     self->sent = sent;
     self->field = params->field;
-    self->along = params->field->cells / PATCH_CELLS;
+    int along = self->along = params->field->cells / PATCH_CELLS;
     int r = create_patches(self, params->field);
     if (r < 0)
-        r = diag_set(diag, r, "no memory for %d x %d patches", self->along, self->along);
+        r = diag_set(diag, r, "no memory for %d x %d patches", along, along);
     else
         r = field_program_create(params->heights,
                                  &(struct program_params){.name = sent ? "technique_geomipmap_sent"
@@ -167,6 +167,10 @@ static int create(const struct technique_ops *ops, bool morphs, bool sent,
         return r;
     }
     create_array(self);
+    if (glGetError() == GL_OUT_OF_MEMORY) {
+        destroy(&self->base);
+        return diag_set(diag, -ENOMEM, "no GPU memory for %d x %d patches", along, along);
+    }
     *ret_technique = &self->base;
     return 0;
 }
