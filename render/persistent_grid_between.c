@@ -80,6 +80,8 @@ static void compute_flow(struct grid_between *between)
 {
     const struct grid_picture *past = &between->past, *future = &between->future;
     GLfloat to_future[16], to_past[16];
+    /* what the frames before drew from is written anew: not before they are done */
+    glMemoryBarrier(GL_SHADER_IMAGE_ACCESS_BARRIER_BIT | GL_SHADER_STORAGE_BARRIER_BIT);
     grid_picture_way(&past->view, &future->view, to_future);
     grid_picture_way(&future->view, &past->view, to_past);
     glProgramUniformMatrix4fv(between->flow_program, 0, 1, GL_FALSE, to_future);
@@ -129,7 +131,7 @@ static void compute_between(struct grid_between *between)
     for (GLuint i = 0; i < 4; i++)
         glBindTextureUnit(i, textures[i]);
     glBindImageTexture(0, between->found, 0, GL_FALSE, 0, GL_WRITE_ONLY, GL_R32F);
-    glMemoryBarrier(GL_TEXTURE_FETCH_BARRIER_BIT);
+    glMemoryBarrier(GL_TEXTURE_FETCH_BARRIER_BIT | GL_SHADER_IMAGE_ACCESS_BARRIER_BIT);
     grid_picture_compute(between->between_program, between->past.width, between->past.height);
     glMemoryBarrier(GL_TEXTURE_FETCH_BARRIER_BIT);
 }

@@ -9,7 +9,7 @@
 #define STRIP_CELLS      10               /* a row of a strip: 20 triangles (section 3.2.1) */
 #define SEARCH_EDGES_M   20e3F
 #define ROW_BYTES        16
-#define VERTEX_BYTES     12
+#define VERTEX_BYTES     16
 #define RESTART          0xffffffffU
 #define ROWS_BINDING     0
 #define PLACES_BINDING   1
@@ -29,7 +29,7 @@ int grid_mesh_init(struct grid_mesh *mesh, const struct technique_params *params
     mesh->ground.field = params->field;
     mesh->ground.ball = field_ball(params->field, 0, 0, params->field->cells);
     glCreateVertexArrays(1, &mesh->vertex_array);
-    glVertexArrayAttribFormat(mesh->vertex_array, 0, 3, GL_FLOAT, GL_FALSE, 0);
+    glVertexArrayAttribFormat(mesh->vertex_array, 0, 4, GL_FLOAT, GL_FALSE, 0);
     glEnableVertexArrayAttrib(mesh->vertex_array, 0);
     glVertexArrayAttribBinding(mesh->vertex_array, 0, 0);
     int r = field_program_create(params->heights, &program, &mesh->rows_program, diag);
@@ -159,8 +159,8 @@ void grid_mesh_aim(struct grid_mesh *mesh, const struct view *view, const float 
     send_cover(mesh, &cover, jitter);
     glBindBufferBase(GL_SHADER_STORAGE_BUFFER, ROWS_BINDING, mesh->row_buffer);
     glUseProgram(mesh->rows_program);
+    glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT); /* rows that are still read */
     glDispatchCompute(1, 1, 1);
-    glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT);
 }
 
 void grid_mesh_lay(struct grid_mesh *mesh, int slice)
@@ -171,6 +171,7 @@ void grid_mesh_lay(struct grid_mesh *mesh, int slice)
     glBindBufferBase(GL_SHADER_STORAGE_BUFFER, PLACES_BINDING, mesh->vertices);
     glProgramUniform2i(mesh->place_program, 3, slice * slice_rows(mesh), slice_rows(mesh));
     glUseProgram(mesh->place_program);
+    glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT); /* the rows; vertices that are still drawn */
     glDispatchCompute((GLuint)mesh->columns / 8 + 1, (GLuint)slice_rows(mesh) / 8 + 1, 1);
     glMemoryBarrier(GL_VERTEX_ATTRIB_ARRAY_BARRIER_BIT);
 }

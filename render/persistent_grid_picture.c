@@ -20,11 +20,13 @@ GLuint grid_picture_texture(GLenum format, int width, int height)
 
 void grid_picture_init(struct grid_picture *picture, int width, int height)
 {
+    const GLfloat sky = 0.0F;
     *picture = (struct grid_picture){.width = width, .height = height};
     picture->depth = grid_picture_texture(GL_DEPTH_COMPONENT32F, width, height);
     glCreateFramebuffers(1, &picture->framebuffer);
     glNamedFramebufferTexture(picture->framebuffer, GL_DEPTH_ATTACHMENT, picture->depth, 0);
     glNamedFramebufferDrawBuffer(picture->framebuffer, GL_NONE);
+    glClearNamedFramebufferfv(picture->framebuffer, GL_DEPTH, 0, &sky);
 }
 
 void grid_picture_finish(struct grid_picture *picture)

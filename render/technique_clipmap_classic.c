@@ -186,7 +186,7 @@ static int tune(struct technique *technique, double knob)
     if (r < 0 || (!self->posts && !self->staging))
         return -ENOMEM;
     create_array(self);
-    return 0;
+    return glGetError() == GL_OUT_OF_MEMORY ? -ENOMEM : 0;
 }
 
 static int remainder_of(int at, int n)

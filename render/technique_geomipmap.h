@@ -4,4 +4,5 @@
 
 #include "render/technique.h"
 
-extern const struct technique_ops technique_geomipmap, technique_geomipmap_static;
+extern const struct technique_ops technique_geomipmap, technique_geomipmap_static,
+    technique_geomipmap_sent;

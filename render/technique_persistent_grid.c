@@ -133,7 +133,7 @@ static void facts(const struct technique *technique, struct technique_facts *ret
 
 #define TWE (GRID_TAILORED | GRID_WARPED | GRID_EDGES)
 
-PERSISTENT_GRID(technique_persistent_grid, "persistent-grid", TWE, ", T W E", 0.25, 15.0, true);
+PERSISTENT_GRID(technique_persistent_grid, "persistent-grid", TWE, ", T W E", 0.25, 5.0, true);
 PERSISTENT_GRID(technique_persistent_grid_plain, "persistent-grid-plain", 0, " as it was", 0.5,
                 15.0, true);
 PERSISTENT_GRID(technique_persistent_grid_te, "persistent-grid-te", GRID_TAILORED | GRID_EDGES,

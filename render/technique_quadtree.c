@@ -209,7 +209,8 @@ static int tune(struct technique *technique, double knob)
 }
 
 /* Where there are more patches than layers, the tolerance is stretched in steps: all of the picture
- * suffers alike. One layer is enough for the coarsest patch. */
+ * suffers alike. In the end a few of
+ * each level are left, those around the eye. */
 static void choose(struct technique_of_quadtree *self, const struct sight *sight, double pixel_rad)
 {
     double error_per_m = self->tolerance_px * pixel_rad;
@@ -282,6 +283,8 @@ static void fill(struct technique_of_quadtree *self)
     for (GLuint i = 0; i < ARRAYS; i++)
         glBindImageTexture(i, self->arrays[i], 0, GL_TRUE, 0, GL_WRITE_ONLY, formats[i]);
     glUseProgram(self->fill);
+    /* layers that were drawn from may be taken: not before that is done */
+    glMemoryBarrier(GL_SHADER_IMAGE_ACCESS_BARRIER_BIT);
     glDispatchCompute((GLuint)self->blocks, (GLuint)self->blocks, (GLuint)self->arrival_count);
     glMemoryBarrier(GL_TEXTURE_FETCH_BARRIER_BIT);
 }

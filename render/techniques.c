@@ -35,6 +35,7 @@ const struct technique_ops *const techniques[] = {
     &technique_rag_oblique,
     &technique_quadtree_dug,
     &technique_geomipmap_static,
+    &technique_geomipmap_sent,
     NULL,
 };
 

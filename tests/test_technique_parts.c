@@ -1,5 +1,8 @@
-/* What single techniques promise beyond what all are held to: the parts of the persistent grid, and
- * the buffers of rag. */
+/* What single techniques promise beyond what all are held to: the parts of the persistent grid, the
+ * buffers of rag, and that geomipmap's two ways of morphing are one. */
+#include <epoxy/gl.h>
+
+#include "render/technique_geomipmap.h"
 #include "render/technique_persistent_grid.h"
 #include "render/technique_rag.h"
 #include "tests/technique_fixture.h"
@@ -181,6 +184,100 @@ static void rag_asks_for_geometry_shaders(void)
     close_stage(&stage);
 }
 
+static void keep_depth(struct stage *stage, float ret_depth[WIDTH * HEIGHT])
+{
+    uint64_t number;
+    readback_start(stage->scene.depth, renderer_depth_framebuffer(stage->scene.renderer), 0);
+    memcpy(ret_depth, readback_take(stage->scene.depth, true, &number),
+           WIDTH * HEIGHT * sizeof(*ret_depth));
+    readback_release(stage->scene.depth);
+}
+
+/* Pixels that show ground where the truth has sky, and nothing else within 2 pixels. */
+static int count_sheets(const float depth[WIDTH * HEIGHT], const float truth[WIDTH * HEIGHT])
+{
+    int sheets = 0;
+    for (int at = 0; at < WIDTH * HEIGHT; at++) {
+        int x = at % WIDTH, y = at / WIDTH;
+        bool is_sky = depth[at] > 0.0f && x >= 2 && x < WIDTH - 2 && y >= 2 && y < HEIGHT - 2;
+        for (int i = 0; i < 25 && is_sky; i++)
+            is_sky = truth[at + (i / 5 - 2) * WIDTH + i % 5 - 2] <= 0.0f;
+        sheets += is_sky;
+    }
+    return sheets;
+}
+
+/* Triangles of places beyond the field alone are no ground: they would stand upright on its edge.
+ */
+static void a_persistent_grid_ends_where_the_field_does(void)
+{
+    static const struct technique_ops *const grids[4] = {
+        &technique_persistent_grid_plain, &technique_persistent_grid_te, &technique_persistent_grid,
+        &technique_persistent_grid_tweb};
+    static float truth[WIDTH * HEIGHT], depth[WIDTH * HEIGHT];
+    struct stage stage;
+    if (!open_stage(&stage))
+        return;
+    const struct technique_params params = params_of(&stage);
+    struct technique *reference = open_technique(&stage, technique_find("reference"));
+    for (int i = 0; i < 4 && reference; i++) {
+        struct run run = {.technique = open_technique(&stage, grids[i])};
+        int sheets = 0;
+        for (int pose = 0; pose < POSES && run.technique; pose++) {
+            struct view view = pose_view(pose);
+            draw(&stage.scene, &view, NULL, NULL, NULL);
+            show_run(&stage, &run, pose);
+            keep_depth(&stage, depth);
+            draw(&stage.scene, &view, NULL, NULL, NULL);
+            technique_show(reference, &params, stage.scene.renderer, &view, NULL, NULL);
+            keep_depth(&stage, truth);
+            sheets += count_sheets(depth, truth);
+        }
+        printf("     %s: %d pixels of sky are ground\n", grids[i]->name, sheets);
+        CHECK(sheets <= 10);
+        technique_destroy(run.technique);
+    }
+    technique_destroy(reference);
+    close_stage(&stage);
+}
+
+/* At tolerances where patches of all levels lie beside each other, half morphed. The CPU rounds
+ * otherwise than the GPU, so that pixels on ridges may change sides. */
+static void patches_are_morphed_alike_by_the_cpu(void)
+{
+    static float depth[2][WIDTH * HEIGHT];
+    static const double tolerances_px[3] = {0.5, 2.0, 8.0};
+    struct stage stage;
+    if (!open_stage(&stage))
+        return;
+    const struct technique_params params = params_of(&stage);
+    struct technique *both[2] = {open_technique(&stage, &technique_geomipmap),
+                                 open_technique(&stage, &technique_geomipmap_sent)};
+    struct technique_facts facts[2];
+    int differ = 0;
+    for (int i = 0; i < 3 * POSES && both[0] && both[1]; i++) {
+        struct view view = pose_view(i / 3);
+        draw(&stage.scene, &view, NULL, NULL, NULL);
+        for (int k = 0; k < 2; k++) {
+            both[k]->ops->tune(both[k], tolerances_px[i % 3]);
+            technique_show(both[k], &params, stage.scene.renderer, &view, NULL, NULL);
+            both[k]->ops->facts(both[k], &facts[k]);
+            keep_depth(&stage, depth[k]);
+        }
+        for (int at = 0; at < WIDTH * HEIGHT; at++)
+            differ += fabsf(depth[0][at] - depth[1][at]) > 1e-4f * depth[0][at];
+        /* patches, and of each the vertices of its level */
+        CHECK(facts[1].vertices_sent >= 4 * facts[0].vertices_sent);
+        CHECK(facts[1].vertices_sent <= 289 * facts[0].vertices_sent);
+        CHECK(facts[1].bytes_sent == 8 * facts[1].vertices_sent);
+    }
+    printf("     of %d pixels %d differ by a ten-thousandth\n", 3 * POSES * WIDTH * HEIGHT, differ);
+    CHECK(differ < 3 * POSES * WIDTH * HEIGHT / 10000);
+    technique_destroy(both[0]);
+    technique_destroy(both[1]);
+    close_stage(&stage);
+}
+
 int main(void)
 {
     static const struct check_test tests[] = {
@@ -188,6 +285,9 @@ int main(void)
         {"a resting eye sees more and more", a_resting_eye_sees_more_and_more},
         {"rag shows what fits", rag_shows_what_fits},
         {"rag asks for geometry shaders", rag_asks_for_geometry_shaders},
+        {"a persistent grid ends where the field does",
+         a_persistent_grid_ends_where_the_field_does},
+        {"patches are morphed alike by the CPU", patches_are_morphed_alike_by_the_cpu},
     };
     return render_tests_main(tests, sizeof(tests) / sizeof(tests[0]), check_main);
 }

@@ -8,7 +8,7 @@ layout(location = 2) uniform ivec2 cells;        // columns and rows
 layout(location = 3) uniform ivec2 slice;        // its first row, and rows of cells
 layout(location = 4) uniform float jitter;       // by which columns within are moved, in columns
 layout(location = 5) uniform float search_to_m;  // so far ahead are edges searched for
-layout(std430, binding = 1) writeonly buffer Vertices { float vertices[]; };
+layout(std430, binding = 1) writeonly buffer Vertices { vec4 vertices[]; };
 
 const int STEPS = 8, HALVINGS = 5;
 const float NEXT = 0.1; // of a cell: to the second place of a slope
@@ -66,6 +66,10 @@ vec2 moved_to_edge(int row, float across)
     vec2 here = place_of(row, across);
     if (row == 0 || row == cells.y || grid_rows[row].along > search_to_m)
         return here;
+    vec2 posts = posts_of(difference_of(here));
+    // beyond the field there is nothing to search, and what is moved onto it would be no end of it
+    if (posts != clamp(posts, 0.0, float(FIELD_CELLS)))
+        return here;
     vec2 before = place_of(row - 1, across), after = place_of(row + 1, across);
     bool rises = height_at(mix(before, here, NEXT)) > height_at(before);
     bool falls = height_at(mix(here, after, NEXT)) < height_at(here);
@@ -89,8 +93,7 @@ void main()
     if (posts != inside)
         dn = field_difference(inside - vec2(field_eye_post()) - field_eye_rest());
     vec3 enu = field_enu_of_difference(dn, field_height_between(inside));
-    int to = 3 * (at.y * (cells.x + 1) + at.x);
-    vertices[to] = enu.x;
-    vertices[to + 1] = enu.y;
-    vertices[to + 2] = enu.z;
+    // on which of the field's edges it is
+    vec4 edges = vec4(lessThanEqual(posts, vec2(0.0)), greaterThanEqual(posts, vec2(FIELD_CELLS)));
+    vertices[at.y * (cells.x + 1) + at.x] = vec4(enu, dot(edges, vec4(1.0, 2.0, 4.0, 8.0)));
 }

@@ -65,11 +65,11 @@ float segments_of(int edge)
     vec3 enu = place_of(post, texelFetch(patch_heights, ivec3(post, of_patch[0].w), 0).r, up);
     float most, pixels = pixels_a_metre(enu, up, half_edge_m(), most);
     vec4 errors = max(errors_of(at), errors_of(at + way));
-    float coarser = dot(vec4(lessThan(errors * most, vec4(seen.z))), vec4(1.0));
+    ivec4 coarser = ivec4(lessThan(errors * most, vec4(seen.z)));
     if (of_block[0].z >= 0)
         foot_m = texelFetch(block_ranges, ivec3(at, of_patch[0].w), 0).r -
                  min(2.0 * seen.z / max(pixels, 1e-6), half_edge_m());
-    return max(float(BLOCK_CELLS) * exp2(-coarser), 2.0);
+    return float(max(BLOCK_CELLS >> (coarser.x + coarser.y + coarser.z + coarser.w), 2));
 }
 
 // Beyond the left, bottom, right or top.
