@@ -37,8 +37,8 @@ struct patches {
 /* What all posts of a row have in common. */
 struct row {
     double y_cells;
-    int band[2];
-    float share[2]; /* of the two bands; the second is 0 away from the borders */
+    int band;
+    float share[2]; /* of that band and of the next; the second is 0 away from the borders */
     float pole;     /* 1, falling to 0 at the poles, where all longitudes meet */
 };
 
@@ -58,14 +58,13 @@ static struct row row_at(double y_cells)
     for (int i = 1; i < PLANET_NOISE_BANDS; i++) {
         double border = planet_noise_bands[i].from_deg;
         if (lat_deg >= border + BAND_FADE_DEG) {
-            row.band[0] = i;
+            row.band = i;
         } else if (lat_deg > border - BAND_FADE_DEG) {
             float t = (float)smoothstep(border - BAND_FADE_DEG, border + BAND_FADE_DEG, lat_deg);
             /* Two unlike noises of these shares are as rough as one. */
             float length = sqrtf(t * t + (1.0f - t) * (1.0f - t));
             row.share[0] = (1.0f - t) / length;
             row.share[1] = t / length;
-            row.band[1] = i;
         }
     }
     row.pole = (float)smoothstep(0.0, POLE_FADE_DEG, 90.0 - lat_deg);
@@ -75,6 +74,8 @@ static struct row row_at(double y_cells)
 /* 0 <= result < PLANET_COLS */
 static double wrapped_cells(double x)
 {
+    if (x >= 0.0 && x < PLANET_COLS)
+        return x;
     double wrapped = x - floor(x / PLANET_COLS) * PLANET_COLS;
     return wrapped < PLANET_COLS ? wrapped : 0.0;
 }
@@ -93,9 +94,10 @@ struct noise_sum {
     float bend_x[PLANET_NOISE_POSTS], bend_y[PLANET_NOISE_POSTS];
 };
 
+/* `which` of the two: 0 begins the sum. */
 static void add_band(const struct batch *batch, int which, struct noise_sum *sum)
 {
-    int band = batch->row.band[which];
+    int band = batch->row.band + which;
     double narrow = planet_noise_bands[band].shrink, x[PLANET_NOISE_POSTS];
     float share = batch->row.share[which], wide = (float)(1.0 / narrow);
     for (int j = 0; j < batch->count; j++)
@@ -104,11 +106,12 @@ static void add_band(const struct batch *batch, int which, struct noise_sum *sum
     struct planet_noise noise;
     planet_noise_at(x, batch->y_cells, batch->count, band, &filter, &noise);
     for (int j = 0; j < batch->count; j++) {
+        bool begins = which == 0;
         float bend = share * batch->pole[j];
-        sum->ridged[j] += share * noise.ridged[j];
-        sum->rolling[j] += share * noise.rolling[j];
-        sum->bend_x[j] += bend * wide * noise.bend_x[j];
-        sum->bend_y[j] += bend * noise.bend_y[j];
+        sum->ridged[j] = (begins ? 0.0f : sum->ridged[j]) + share * noise.ridged[j];
+        sum->rolling[j] = (begins ? 0.0f : sum->rolling[j]) + share * noise.rolling[j];
+        sum->bend_x[j] = (begins ? 0.0f : sum->bend_x[j]) + bend * wide * noise.bend_x[j];
+        sum->bend_y[j] = (begins ? 0.0f : sum->bend_y[j]) + bend * noise.bend_y[j];
     }
 }
 
@@ -121,19 +124,27 @@ static float noise_height_m(float coarse_m, float relief_m, float pole)
     return pole * full_m * room_m / (room_m + 0.6f * full_m);
 }
 
-static float post_height_m(const struct planet *p, const struct batch *batch,
-                           const struct noise_sum *noise, int j, struct patches *patches)
+/* What grid and noise come to. */
+static void shape_posts(const struct planet *p, const struct batch *batch,
+                        const struct noise_sum *noise, struct patches *patches, float *ret_height_m)
 {
-    double x = wrapped_cells(batch->x_cells[j] + (double)noise->bend_x[j]);
-    double y = batch->y_cells[j] + (double)noise->bend_y[j];
-    float coarse_m = planet_raster_interpolate(&p->grid.height_m[0], x, y, &patches->height);
-    float relief_m = planet_raster_interpolate(&p->grid.relief, x, y, &patches->relief) *
-                     (1.0f / PLANET_RELIEF_PER_M);
-    relief_m = relief_m > 0.0f ? relief_m : 0.0f;
-    float ridges = (float)smoothstep(RIDGES_FROM_M, RIDGES_ALL_M, relief_m);
-    float shape = noise->rolling[j] + ridges * (noise->ridged[j] - noise->rolling[j]);
-    float height_m = coarse_m + noise_height_m(coarse_m, relief_m, batch->pole[j]) * shape;
-    return height_m > 0.0f ? height_m : 0.0f;
+    double x[PLANET_NOISE_POSTS], y[PLANET_NOISE_POSTS];
+    float coarse_m[PLANET_NOISE_POSTS], relief[PLANET_NOISE_POSTS];
+    for (int j = 0; j < batch->count; j++) {
+        x[j] = wrapped_cells(batch->x_cells[j] + (double)noise->bend_x[j]);
+        y[j] = batch->y_cells[j] + (double)noise->bend_y[j];
+    }
+    planet_raster_interpolate(&p->grid.height_m[0], x, y, batch->count, &patches->height, coarse_m);
+    planet_raster_interpolate(&p->grid.relief, x, y, batch->count, &patches->relief, relief);
+    for (int j = 0; j < batch->count; j++) {
+        float relief_m = relief[j] * (1.0f / PLANET_RELIEF_PER_M);
+        relief_m = relief_m > 0.0f ? relief_m : 0.0f;
+        float ridges = (float)smoothstep(RIDGES_FROM_M, RIDGES_ALL_M, relief_m);
+        float shape = noise->rolling[j] + ridges * (noise->ridged[j] - noise->rolling[j]);
+        float height_m =
+            coarse_m[j] + noise_height_m(coarse_m[j], relief_m, batch->pole[j]) * shape;
+        ret_height_m[j] = height_m > 0.0f ? height_m : 0.0f;
+    }
 }
 
 /* True where neither the grid nor the noise can raise land: no land within two cells. */
@@ -164,25 +175,23 @@ static void sample_fine(const struct planet *p, const struct batch *batch, struc
     if (land == 0)
         return;
     struct noise_sum sum;
+    add_band(batch, 0, &sum);
+    if (batch->row.share[1] > 0.0f)
+        add_band(batch, 1, &sum);
+    shape_posts(p, batch, &sum, patches, ret_height_m);
     for (int j = 0; j < count; j++)
-        sum.ridged[j] = sum.rolling[j] = sum.bend_x[j] = sum.bend_y[j] = 0.0f;
-    for (int i = 0; i < 2; i++)
-        if (batch->row.share[i] > 0.0f)
-            add_band(batch, i, &sum);
-    for (int j = 0; j < count; j++)
-        if (!sea[j])
-            ret_height_m[j] = post_height_m(p, batch, &sum, j, patches);
+        if (sea[j])
+            ret_height_m[j] = 0.0f;
 }
 
 /* Grids coarser than the planet's own: no noise, an averaged raster. */
 static void sample_coarse(const struct planet *p, const struct batch *batch, int mip,
                           struct patches *patches, float *ret_height_m)
 {
-    for (int j = 0; j < batch->count; j++) {
-        float height_m = planet_raster_interpolate(&p->grid.height_m[mip], batch->x_cells[j],
-                                                   batch->y_cells[j], &patches->height);
-        ret_height_m[j] = height_m > 0.0f ? height_m : 0.0f;
-    }
+    planet_raster_interpolate(&p->grid.height_m[mip], batch->x_cells, batch->y_cells, batch->count,
+                              &patches->height, ret_height_m);
+    for (int j = 0; j < batch->count; j++)
+        ret_height_m[j] = ret_height_m[j] > 0.0f ? ret_height_m[j] : 0.0f;
 }
 
 static void sample_batch(const struct planet *p, struct batch *batch, int mip,
@@ -197,8 +206,7 @@ static void sample_batch(const struct planet *p, struct batch *batch, int mip,
 
 static bool same_bands(const struct row *a, const struct row *b)
 {
-    return a->band[0] == b->band[0] && a->band[1] == b->band[1] && a->share[0] == b->share[0] &&
-           a->share[1] == b->share[1];
+    return a->band == b->band && a->share[0] == b->share[0] && a->share[1] == b->share[1];
 }
 
 static int mip_for(double spacing_cells)
@@ -213,7 +221,9 @@ static int planet_sample(struct terrain_source *source, const struct terrain_pla
                          float *ret_height_m)
 {
     const struct planet *p = (const struct planet *)source;
-    struct batch batch = {.spacing = places->spacing_deg * PLANET_CELLS_PER_DEG};
+    struct batch batch; /* not cleared: that would cost a tenth of a small one */
+    batch.count = 0;
+    batch.spacing = places->spacing_deg * PLANET_CELLS_PER_DEG;
     if (!(batch.spacing > 0.0) || !isfinite(batch.spacing))
         return -EINVAL;
     int mip = mip_for(batch.spacing);

@@ -242,21 +242,25 @@ void planet_grid_finish(struct planet_grid *grid)
 static void fill_patch(const struct planet_raster *raster, int col, int row,
                        struct planet_patch *patch)
 {
+    int cols[4];
     patch->col = col;
     patch->row = row;
+    for (int i = 0; i < 4; i++) {
+        int c = col - 1 + i;
+        cols[i] = c < 0 ? c + raster->cols : c >= raster->cols ? c - raster->cols : c;
+    }
     for (int j = 0; j < 4; j++) {
         int r = row - 1 + j;
         r = r < 0 ? 0 : r >= raster->rows ? raster->rows - 1 : r;
         const int16_t *posts = raster->posts + (size_t)r * (size_t)raster->cols;
         for (int i = 0; i < 4; i++) {
-            int c = col - 1 + i;
-            c = c < 0 ? c + raster->cols : c >= raster->cols ? c - raster->cols : c;
-            patch->posts[j][i] = (float)(posts[c] > SEA_FLOOR_M ? posts[c] : SEA_FLOOR_M);
+            int post = posts[cols[i]];
+            patch->posts[i][j] = (float)(post > SEA_FLOOR_M ? post : SEA_FLOOR_M);
         }
     }
 }
 
-static void catmull_rom_weights(float t, float ret_weights[4])
+static inline void catmull_rom_weights(float t, float ret_weights[4])
 {
     float t2 = t * t, t3 = t2 * t;
     ret_weights[0] = 0.5f * (2.0f * t2 - t3 - t);
@@ -265,23 +269,24 @@ static void catmull_rom_weights(float t, float ret_weights[4])
     ret_weights[3] = 0.5f * (t3 - t2);
 }
 
-float planet_raster_interpolate(const struct planet_raster *raster, double x_cells, double y_cells,
-                                struct planet_patch *patch)
+void planet_raster_interpolate(const struct planet_raster *raster, const double *x_cells,
+                               const double *y_cells, int count, struct planet_patch *patch,
+                               float *ret_values)
 {
-    double x = x_cells / (double)raster->cells_per_post,
-           y = y_cells / (double)raster->cells_per_post;
-    double top = raster->rows - 1;
-    y = y < 0.0 ? 0.0 : y > top ? top : y;
-    x = x < 0.0 ? x + raster->cols : x >= raster->cols ? x - raster->cols : x;
-    int col = (int)x, row = (int)y;
-    if (col != patch->col || row != patch->row)
-        fill_patch(raster, col, row, patch);
-    float u[4], v[4], sum = 0.0f;
-    catmull_rom_weights((float)(x - col), u);
-    catmull_rom_weights((float)(y - row), v);
-    for (int j = 0; j < 4; j++) {
-        const float *p = patch->posts[j];
-        sum += v[j] * (p[0] * u[0] + p[1] * u[1] + p[2] * u[2] + p[3] * u[3]);
+    double per_cell = 1.0 / (double)raster->cells_per_post, top = raster->rows - 1;
+    for (int i = 0; i < count; i++) {
+        double x = x_cells[i] * per_cell, y = y_cells[i] * per_cell;
+        y = y < 0.0 ? 0.0 : y > top ? top : y;
+        x = x < 0.0 ? x + raster->cols : x >= raster->cols ? x - raster->cols : x;
+        int col = (int)x, row = (int)y;
+        if (col != patch->col || row != patch->row)
+            fill_patch(raster, col, row, patch);
+        float u[4], v[4], rows[4];
+        catmull_rom_weights((float)(x - col), u);
+        catmull_rom_weights((float)(y - row), v);
+        for (int j = 0; j < 4; j++)
+            rows[j] = v[j] * (patch->posts[0][j] * u[0] + patch->posts[1][j] * u[1] +
+                              patch->posts[2][j] * u[2] + patch->posts[3][j] * u[3]);
+        ret_values[i] = rows[0] + rows[1] + rows[2] + rows[3];
     }
-    return sum;
 }

@@ -41,12 +41,14 @@ void planet_grid_finish(struct planet_grid *grid);
 /* A 4 x 4 patch of posts, remembered between look-ups that fall into the same cell. */
 struct planet_patch {
     int col, row;
-    float posts[4][4];
+    float posts[4][4]; /* column by column */
 };
 
 #define PLANET_PATCH_EMPTY ((struct planet_patch){.col = -1, .row = -1})
 
-/* Catmull-Rom interpolation at a place in cells of 5 minutes: continuous slope, exact at posts.
- * Rows beyond the poles repeat the pole's. Plain arithmetic: the same bits on every machine. */
-float planet_raster_interpolate(const struct planet_raster *raster, double x_cells, double y_cells,
-                                struct planet_patch *patch);
+/* Catmull-Rom interpolation at `count` places in cells of 5 minutes: continuous slope, exact at
+ * posts. Rows beyond the poles repeat the pole's. Plain arithmetic: the same bits on every machine.
+ */
+void planet_raster_interpolate(const struct planet_raster *raster, const double *x_cells,
+                               const double *y_cells, int count, struct planet_patch *patch,
+                               float *ret_values);

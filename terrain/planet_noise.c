@@ -38,24 +38,27 @@ const struct planet_noise_band planet_noise_bands[PLANET_NOISE_BANDS] = {
 struct planet_noise_filter planet_noise_filter_for(double spacing_cells)
 {
     struct planet_noise_filter filter;
-    double feature_cells = 1.0;
+    double posts = 1.0 / spacing_cells; /* on a feature */
     for (int i = 0; i < PLANET_NOISE_OCTAVES; i++) {
-        double t = (feature_cells / spacing_cells - 1.0) / 3.0;
-        filter.share[i] = (float)(t < 0.0 ? 0.0 : t > 1.0 ? 1.0 : t);
-        feature_cells *= 0.5;
+        filter.share[i] = posts < 1.0 ? 0.0f : posts > 4.0 ? 1.0f : (float)((posts - 1.0) / 3.0);
+        posts *= 0.5;
     }
     return filter;
 }
 
-/* What the posts of one call carry from octave to octave. */
+#define LANES 8 /* posts that are done at once; those of a call are filled up to so many */
+
+/* What posts carry from octave to octave. */
 struct chain {
-    float shift_x[PLANET_NOISE_POSTS], shift_y[PLANET_NOISE_POSTS]; /* cells */
-    float weight[PLANET_NOISE_POSTS];
+    double x[LANES], y[LANES];            /* of the post */
+    float shift_x[LANES], shift_y[LANES]; /* cells */
+    float weight[LANES];
+    float ridged[LANES], rolling[LANES], bend_x[LANES], bend_y[LANES]; /* the sums so far */
 };
 
 /* One octave's noise and its slope along the axes of the planet, per lattice step. */
 struct octave {
-    float value[PLANET_NOISE_POSTS], slope_x[PLANET_NOISE_POSTS], slope_y[PLANET_NOISE_POSTS];
+    float value[LANES], slope_x[LANES], slope_y[LANES];
 };
 
 static inline uint32_t mixed(uint32_t h)
@@ -78,6 +81,9 @@ static inline float gradient_v(uint32_t h)
     return (float)((int32_t)(h << 16) >> 16) * (1.0f / 32768.0f);
 }
 
+/* Into planet_noise_at, so that its wider vectors are theirs. */
+#define INLINED inline __attribute__((always_inline))
+
 struct lattice {
     double scale, turn;    /* u = scale (x + turn y), v = scale (y - turn x) + lift */
     double offset_u, lift; /* lift and offset keep u and v positive, and octaves out of step */
@@ -86,7 +92,7 @@ struct lattice {
     uint32_t seed;
 };
 
-static struct lattice lattice_of(int octave, int band)
+static INLINED struct lattice lattice_of(int octave, int band)
 {
     double scale = (double)(1 << octave), turn = turns[octave & 3];
     double period = scale * PLANET_COLS * planet_noise_bands[band].shrink;
@@ -102,15 +108,12 @@ static struct lattice lattice_of(int octave, int band)
     };
 }
 
-/* Into planet_noise_at, so that its wider vectors are theirs. */
-#define INLINED inline __attribute__((always_inline))
-
-static INLINED void evaluate_octave(const struct lattice *l, const double *restrict x,
-                                    const double *restrict y, int count,
-                                    const struct chain *restrict chain, struct octave *restrict ret)
+static INLINED void evaluate_octave(const struct lattice *l, const struct chain *restrict chain,
+                                    struct octave *restrict ret)
 {
-    for (int j = 0; j < count; j++) {
-        double px = x[j] + (double)chain->shift_x[j], py = y[j] + (double)chain->shift_y[j];
+    for (int j = 0; j < LANES; j++) {
+        double px = chain->x[j] + (double)chain->shift_x[j];
+        double py = chain->y[j] + (double)chain->shift_y[j];
         double u = l->scale * (px + l->turn * py) + l->offset_u;
         double v = l->scale * (py - l->turn * px) + l->lift;
         int32_t iu = (int32_t)u, iv = (int32_t)v;
@@ -148,48 +151,71 @@ static INLINED void evaluate_octave(const struct lattice *l, const double *restr
 }
 
 /* All octaves, as hills, and what they push the coarse grid aside. */
-static INLINED void add_hills(const struct octave *restrict o, int count, int octave, float shown,
-                              float share, struct planet_noise *restrict ret)
+static INLINED void add_hills(const struct octave *restrict o, int octave, float shown, float share,
+                              struct chain *restrict chain)
 {
     const float *aside = bend_directions[octave & 3];
     float bend = octave < COARSE_BENDERS ? COARSE_BEND * share / (float)(1 << octave) : 0.0f;
-    for (int j = 0; j < count; j++) {
-        ret->rolling[j] += shown * o->value[j];
-        ret->bend_x[j] += bend * aside[0] * o->value[j];
-        ret->bend_y[j] += bend * aside[1] * o->value[j];
+    for (int j = 0; j < LANES; j++) {
+        chain->rolling[j] += shown * o->value[j];
+        chain->bend_x[j] += bend * aside[0] * o->value[j];
+        chain->bend_y[j] += bend * aside[1] * o->value[j];
     }
 }
 
 /* The first octave makes no ridges, for the coarse grid has the great ones: it lifts some of them
  * over others and swirls those to come. */
-static INLINED void begin_ridges(const struct octave *restrict o, int count, float share,
-                                 struct chain *restrict chain, struct planet_noise *restrict ret)
+static INLINED void begin_ridges(const struct octave *restrict o, float share,
+                                 struct chain *restrict chain)
 {
-    for (int j = 0; j < count; j++) {
-        ret->ridged[j] += FIRST_LIFT * share * o->value[j];
+    for (int j = 0; j < LANES; j++) {
+        chain->ridged[j] += FIRST_LIFT * share * o->value[j];
         chain->shift_x[j] += FIRST_SWIRL * share * o->slope_y[j];
         chain->shift_y[j] -= FIRST_SWIRL * share * o->slope_x[j];
     }
 }
 
-static INLINED void add_ridges(const struct octave *restrict o, int count, int octave, float shown,
-                               float share, struct chain *restrict chain,
-                               struct planet_noise *restrict ret)
+static INLINED void add_ridges(const struct octave *restrict o, int octave, float shown,
+                               float share, struct chain *restrict chain)
 {
     float cell = 1.0f / (float)(1 << octave);
     float ridge_bend = RIDGE_BEND * cell * share;
-    for (int j = 0; j < count; j++) {
+    for (int j = 0; j < LANES; j++) {
         float n = o->value[j];
         float away = sqrtf(n * n + RIDGE_ROUNDING * RIDGE_ROUNDING);
         float ridge = 1.0f + RIDGE_ROUNDING - away;
         ridge = ridge > 0.0f ? ridge : 0.0f;
         float signal = ridge * ridge, weight = chain->weight[j];
-        ret->ridged[j] += shown * weight * (signal - RIDGE_MEAN);
+        chain->ridged[j] += shown * weight * (signal - RIDGE_MEAN);
         chain->shift_x[j] -= ridge_bend * weight * n * o->slope_x[j];
         chain->shift_y[j] -= ridge_bend * weight * n * o->slope_y[j];
         float calm = VALLEY_CALM * signal;
         calm = calm < 1.0f ? calm : 1.0f;
         chain->weight[j] = weight * (VALLEY_LEAST + (1.0f - VALLEY_LEAST) * calm * (2.0f - calm));
+    }
+}
+
+/* Posts from `first` on; the last one for those that are not there. */
+static INLINED void begin_chain(const double *x, const double *y, int first, int count,
+                                struct chain *ret)
+{
+    for (int j = 0; j < LANES; j++) {
+        int post = first + j < count ? first + j : count - 1;
+        ret->x[j] = x[post];
+        ret->y[j] = y[post];
+        ret->weight[j] = 1.0f;
+        ret->shift_x[j] = ret->shift_y[j] = 0.0f;
+        ret->ridged[j] = ret->rolling[j] = ret->bend_x[j] = ret->bend_y[j] = 0.0f;
+    }
+}
+
+static INLINED void end_chain(const struct chain *chain, int first, struct planet_noise *ret)
+{
+    for (int j = 0; j < LANES; j++) {
+        ret->ridged[first + j] = chain->ridged[j];
+        ret->rolling[first + j] = chain->rolling[j];
+        ret->bend_x[first + j] = chain->bend_x[j];
+        ret->bend_y[first + j] = chain->bend_y[j];
     }
 }
 
@@ -203,23 +229,25 @@ static INLINED void add_ridges(const struct octave *restrict o, int count, int o
 WIDE void planet_noise_at(const double *x, const double *y, int count, int band,
                           const struct planet_noise_filter *filter, struct planet_noise *ret)
 {
-    struct chain chain;
-    struct octave octave;
-    for (int j = 0; j < count; j++) {
-        ret->ridged[j] = ret->rolling[j] = ret->bend_x[j] = ret->bend_y[j] = 0.0f;
-        chain.shift_x[j] = chain.shift_y[j] = 0.0f;
-        chain.weight[j] = 1.0f;
-    }
+    struct chain chains[PLANET_NOISE_POSTS / LANES];
+    int used = (count + LANES - 1) / LANES;
+    for (int c = 0; c < used; c++)
+        begin_chain(x, y, c * LANES, count, &chains[c]);
     float amplitude = 1.0f;
     for (int i = 0; i < PLANET_NOISE_OCTAVES && filter->share[i] > 0.0f; i++) {
         struct lattice lattice = lattice_of(i, band);
         amplitude *= gains[i];
-        evaluate_octave(&lattice, x, y, count, &chain, &octave);
         float share = filter->share[i], shown = amplitude * share;
-        add_hills(&octave, count, i, shown, share, ret);
-        if (i == 0)
-            begin_ridges(&octave, count, share, &chain, ret);
-        else
-            add_ridges(&octave, count, i, shown, share, &chain, ret);
+        for (int c = 0; c < used; c++) { /* beside each other: each octave waits for the last */
+            struct octave octave;
+            evaluate_octave(&lattice, &chains[c], &octave);
+            add_hills(&octave, i, shown, share, &chains[c]);
+            if (i == 0)
+                begin_ridges(&octave, share, &chains[c]);
+            else
+                add_ridges(&octave, i, shown, share, &chains[c]);
+        }
     }
+    for (int c = 0; c < used; c++)
+        end_chain(&chains[c], c * LANES, ret);
 }

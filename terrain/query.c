@@ -128,37 +128,40 @@ void query_fallbacks_m(struct query *query, const double *lat_deg, const double 
             ret_heights_m[i] = NAN;
 }
 
-/* From heights a little to all four sides. */
-static void fallback_normal(struct query *query, double lat_deg, double lon_deg,
-                            float ret_normal_enu[3])
+/* The height and, from heights a little to all four sides, the normal: together, for five places
+ * cost little more than one. */
+static double fallback_normal(struct query *query, double lat_deg, double lon_deg,
+                              float ret_normal_enu[3])
 {
     struct terrain_facts facts;
     query->fallback->ops->facts(query->fallback, &facts);
     double d_lat = facts.finest_lat_step_deg, d_lon = facts.finest_lon_step_deg;
     double south = fmax(lat_deg - d_lat, -90.0), north = fmin(lat_deg + d_lat, 90.0);
-    double rise_m =
-        query_fallback_m(query, north, lon_deg) - query_fallback_m(query, south, lon_deg);
-    double east_m = query_fallback_m(query, lat_deg, lon_deg + d_lon) -
-                    query_fallback_m(query, lat_deg, lon_deg - d_lon);
+    const double lats_deg[] = {lat_deg, north, south, lat_deg, lat_deg};
+    const double lons_deg[] = {lon_deg, lon_deg, lon_deg, lon_deg + d_lon, lon_deg - d_lon};
+    float heights_m[5];
+    query_fallbacks_m(query, lats_deg, lons_deg, 5, heights_m);
+    double rise_m = (double)heights_m[1] - (double)heights_m[2];
+    double east_m = (double)heights_m[3] - (double)heights_m[4];
     surface_normal_from_slopes(lat_deg, east_m / (2.0 * d_lon), rise_m / (north - south),
                                ret_normal_enu);
+    return (double)heights_m[0];
 }
 
 static void answer_from_fallback(struct query *query, double lat_deg, double lon_deg,
                                  struct query_answer *ret_answer)
 {
-    double height_m = query_fallback_m(query, lat_deg, lon_deg);
+    float *normal_enu = ret_answer->normal_enu;
+    double height_m = query->fallback && query->flags & QUERY_NORMAL
+                          ? fallback_normal(query, lat_deg, lon_deg, normal_enu)
+                          : query_fallback_m(query, lat_deg, lon_deg);
     ret_answer->height_m = height_m;
     ret_answer->from_fallback = !isnan(height_m);
     ret_answer->material = isnan(height_m)                                     ? QUERY_NOTHING
                            : ground_is_water((float)height_m, (float)height_m) ? QUERY_WATER
                                                                                : QUERY_LAND;
-    if (!(query->flags & QUERY_NORMAL))
-        return;
-    if (isnan(height_m))
-        ret_answer->normal_enu[0] = ret_answer->normal_enu[1] = ret_answer->normal_enu[2] = NAN;
-    else
-        fallback_normal(query, lat_deg, lon_deg, ret_answer->normal_enu);
+    if (query->flags & QUERY_NORMAL && isnan(height_m))
+        normal_enu[0] = normal_enu[1] = normal_enu[2] = NAN;
 }
 
 static void answer_at_place(struct query *query, const struct surface_place *place, double lat_deg,

@@ -49,9 +49,12 @@ void ray_init(struct ray *ray, struct query *query, const struct geodetic *from,
         square += ray->along_ecef_m[i] * ray->along_ecef_m[i];
     }
     ray->length_m = fmax(sqrt(square), 1e-9);
+    ray->known_next = 0;
+    for (int i = 0; i < RAY_KNOWN; i++)
+        ray->known[i].t = NAN;
 }
 
-struct geodetic ray_at(const struct ray *ray, double t)
+static struct geodetic place_at(const struct ray *ray, double t)
 {
     double ecef_m[3];
     struct geodetic at;
@@ -61,20 +64,35 @@ struct geodetic ray_at(const struct ray *ray, double t)
     return at;
 }
 
-/* With a longitude near another one. */
-static struct geodetic near(const struct ray *ray, double t, double near_lon_deg)
+const struct ray_place *ray_at(struct ray *ray, double t)
 {
-    struct geodetic at = ray_at(ray, t);
-    at.lon_deg = near_lon_deg + remainder(at.lon_deg - near_lon_deg, 360.0);
-    return at;
+    for (int i = 0; i < RAY_KNOWN; i++)
+        if (ray->known[i].t == t)
+            return &ray->known[i];
+    struct geoid *geoid = ray->query->geoid;
+    struct ray_place *place = &ray->known[ray->known_next++ % RAY_KNOWN];
+    place->t = t;
+    place->at = place_at(ray, t);
+    place->height_m = place->at.height_m;
+    if (geoid)
+        place->height_m -= geoid_undulation_m(geoid, place->at.lat_deg, place->at.lon_deg);
+    return place;
+}
+
+/* A longitude near another one. */
+static double near_deg(double lon_deg, double near_lon_deg)
+{
+    double off_deg = lon_deg - near_lon_deg;
+    return fabs(off_deg) < 180.0 ? lon_deg : near_lon_deg + remainder(off_deg, 360.0);
 }
 
 static double error_m(const struct ray *ray, const struct piece *piece, double t, double s)
 {
-    struct geodetic at = near(ray, t, curve_at(&piece->lon_deg, s));
+    struct geodetic at = place_at(ray, t);
+    double lon_deg = curve_at(&piece->lon_deg, s);
     double north = (at.lat_deg - curve_at(&piece->lat_deg, s)) * DEGREE_M;
     double east =
-        (at.lon_deg - curve_at(&piece->lon_deg, s)) * DEGREE_M * cos(at.lat_deg * (M_PI / 180.0));
+        (near_deg(at.lon_deg, lon_deg) - lon_deg) * DEGREE_M * cos(at.lat_deg * (M_PI / 180.0));
     double up = at.height_m - curve_at(&piece->ellipsoid_m, s);
     return fmax(fmax(fabs(north), fabs(east)), fabs(up));
 }
@@ -88,13 +106,13 @@ double piece_height_m(const struct query *query, const struct piece *piece, doub
                         : height_m;
 }
 
-/* `height_m` through its values on a part; returns how far it is off on two places between. */
-static double fit_height(const struct query *query, struct piece *piece, double begin, double end)
+/* Makes `height_m` go through three values on a part; returns how far it is off on two places
+ * between. */
+static double fit_height(const struct query *query, struct piece *piece, double begin, double end,
+                         const double heights_m[3])
 {
-    double wide = end - begin, middle = 0.5 * (begin + end), off_m = 0.0;
-    struct curve part =
-        curve_through(piece_height_m(query, piece, begin), piece_height_m(query, piece, middle),
-                      piece_height_m(query, piece, end));
+    double wide = end - begin, off_m = 0.0;
+    struct curve part = curve_through(heights_m[0], heights_m[1], heights_m[2]);
     double bend = part.c[2] / (wide * wide), slope = part.c[1] / wide - 2.0 * bend * begin;
     piece->height_m = (struct curve){{part.c[0] - begin * (slope + begin * bend), slope, bend}};
     for (int i = 1; i <= 3; i += 2) {
@@ -104,25 +122,34 @@ static double fit_height(const struct query *query, struct piece *piece, double 
     return off_m;
 }
 
+/* The same through its own values. */
+static double refit_height(const struct query *query, struct piece *piece, double begin, double end)
+{
+    const double heights_m[] = {piece_height_m(query, piece, begin),
+                                piece_height_m(query, piece, 0.5 * (begin + end)),
+                                piece_height_m(query, piece, end)};
+    return fit_height(query, piece, begin, end, heights_m);
+}
+
 double piece_sharpen(const struct query *query, struct piece *piece, double begin, double end)
 {
     if (piece->error_m <= RAY_ERROR_M)
         return end;
-    while (fit_height(query, piece, begin, end) > RAY_ERROR_M && end - begin > LEAST_PART)
+    while (refit_height(query, piece, begin, end) > RAY_ERROR_M && end - begin > LEAST_PART)
         end = 0.5 * (begin + end);
     piece->error_m = RAY_ERROR_M;
     return end;
 }
 
-double ray_fit(const struct ray *ray, double begin, double end, struct piece *ret_piece)
+double ray_fit(struct ray *ray, double begin, double end, struct piece *ret_piece)
 {
-    struct geodetic a = near(ray, begin, 0.0);
-    struct geodetic b = near(ray, 0.5 * (begin + end), a.lon_deg);
-    struct geodetic c = near(ray, end, b.lon_deg);
+    struct ray_place a = *ray_at(ray, begin);
+    struct ray_place b = *ray_at(ray, 0.5 * (begin + end)), c = *ray_at(ray, end);
+    double b_lon_deg = near_deg(b.at.lon_deg, a.at.lon_deg);
     struct piece piece = {
-        .lat_deg = curve_through(a.lat_deg, b.lat_deg, c.lat_deg),
-        .lon_deg = curve_through(a.lon_deg, b.lon_deg, c.lon_deg),
-        .ellipsoid_m = curve_through(a.height_m, b.height_m, c.height_m),
+        .lat_deg = curve_through(a.at.lat_deg, b.at.lat_deg, c.at.lat_deg),
+        .lon_deg = curve_through(a.at.lon_deg, b_lon_deg, near_deg(c.at.lon_deg, b_lon_deg)),
+        .ellipsoid_m = curve_through(a.at.height_m, b.at.height_m, c.at.height_m),
         .length_m = (end - begin) * ray->length_m,
     };
     const struct grid *grid = ray->query->grid;
@@ -134,8 +161,10 @@ double ray_fit(const struct ray *ray, double begin, double end, struct piece *re
     double off_m = fmax(error_m(ray, &piece, begin + 0.25 * (end - begin), 0.25),
                         error_m(ray, &piece, begin + 0.75 * (end - begin), 0.75));
     piece.height_m = piece.ellipsoid_m;
-    if (ray->query->geoid)
-        piece.error_m = 4.0 * fit_height(ray->query, &piece, 0.0, 1.0) + UNSEEN_M;
+    if (ray->query->geoid) {
+        const double heights_m[] = {a.height_m, b.height_m, c.height_m};
+        piece.error_m = 4.0 * fit_height(ray->query, &piece, 0.0, 1.0, heights_m) + UNSEEN_M;
+    }
     *ret_piece = piece;
     return off_m;
 }

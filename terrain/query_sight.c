@@ -9,15 +9,12 @@
 #include <math.h>
 
 #include "geo/geographic.h"
-#include "terrain/query_ray.h"
+#include "terrain/query_march.h"
 
 #define PIECE_M       8192.0
 #define PIECE_LEAST_M 0.01    /* around a pole, where longitude leaps */
 #define HIGHEST_M     10000.0 /* no ground is above, none below */
 #define LOWEST_M      -13000.0
-#define LEAST_STEP_M  25.0 /* over the fallback */
-#define STEPS         8    /* over the fallback, that are looked at together */
-#define HIT_M         1e-3
 #define EDGE_M        0.005
 #define NUDGE         1e-8 /* of a piece: past a border */
 #define DEGREE_M      111320.0
@@ -59,95 +56,6 @@ static double leaves_box(const struct piece *piece, const struct box *box, doubl
     double end = fmin(leaves(&piece->row, box->south, box->north, after),
                       leaves(&piece->col, box->west, box->east, after));
     return fmin(fmax(end, s + 4.0 * NUDGE), 1.0);
-}
-
-/* Of the line over the fallback at one place. */
-static double clearance_m(struct query *query, const struct piece *piece, double s)
-{
-    return piece_height_m(query, piece, s) -
-           query_fallback_m(query, limit(curve_at(&piece->lat_deg, s), -90.0, 90.0),
-                            curve_at(&piece->lon_deg, s));
-}
-
-/* The same at places that are looked at together; near the ground exact. */
-static void look_at(struct query *query, const struct piece *piece, const double s[STEPS],
-                    double ret_clear_m[STEPS])
-{
-    double lat_deg[STEPS], lon_deg[STEPS];
-    float ground_m[STEPS];
-    for (int i = 0; i < STEPS; i++) {
-        lat_deg[i] = limit(curve_at(&piece->lat_deg, s[i]), -90.0, 90.0);
-        lon_deg[i] = curve_at(&piece->lon_deg, s[i]);
-    }
-    query_fallbacks_m(query, lat_deg, lon_deg, STEPS, ground_m);
-    for (int i = 0; i < STEPS; i++) {
-        ret_clear_m[i] = curve_at(&piece->height_m, s[i]) - (double)ground_m[i];
-        if (fabs(ret_clear_m[i]) <= piece->error_m)
-            ret_clear_m[i] = piece_height_m(query, piece, s[i]) - (double)ground_m[i];
-    }
-}
-
-/* Between a place above the fallback and one that is not: false position, in which an end that
- * stays twice counts half (the "Illinois" algorithm; Dowell and Jarratt, BIT 11, 1971). */
-static double narrow_fallback(struct query *query, const struct piece *piece, double above,
-                              double above_m, double under, double under_m)
-{
-    double least = 0.4 * HIT_M / piece->length_m;
-    bool was_under = false, was_above = false;
-    while ((under - above) * piece->length_m > HIT_M) {
-        double s = above + (under - above) * above_m / (above_m - under_m);
-        s = limit(s, above + least, under - least);
-        double clear_m = clearance_m(query, piece, s);
-        bool is_under = clear_m <= 0.0;
-        *(is_under ? &under : &above) = s;
-        *(is_under ? &under_m : &above_m) = clear_m;
-        if (is_under && was_under)
-            above_m *= 0.5;
-        if (!is_under && was_above)
-            under_m *= 0.5;
-        was_under = is_under;
-        was_above = !is_under;
-    }
-    return under;
-}
-
-/* Where to look next, `clear_m` above the ground at `s`: a third of the clearance on and on, as it
- * would be over level ground. */
-static void plan_steps(const struct piece *piece, double s, double clear_m, double end,
-                       double ret_s[STEPS])
-{
-    double rise_m = piece->height_m.c[1] + 2.0 * piece->height_m.c[2] * s; /* along the piece */
-    for (int i = 0; i < STEPS; i++) {
-        double step = fmax(clear_m / 3.0, LEAST_STEP_M) / piece->length_m;
-        s = fmin(s + step, end);
-        clear_m += fmin(rise_m, 0.0) * step;
-        ret_s[i] = s;
-    }
-}
-
-/* Over the fallback, which says nothing of its bounds: never more than half the clearance on. */
-static double hit_fallback(struct query *query, const struct piece *piece, double begin, double end)
-{
-    double s = begin, clear_m, ahead[STEPS], ahead_m[STEPS];
-    if (!query->fallback)
-        return INFINITY;
-    clear_m = clearance_m(query, piece, begin);
-    if (clear_m <= 0.0)
-        return begin;
-    while (s < end) {
-        plan_steps(piece, s, clear_m, end, ahead);
-        look_at(query, piece, ahead, ahead_m);
-        for (int i = 0; i < STEPS && s < end; i++) {
-            double most_m = fmax(0.5 * clear_m, LEAST_STEP_M) * (1.0 + NUDGE);
-            if ((ahead[i] - s) * piece->length_m > most_m)
-                break;
-            if (ahead_m[i] <= 0.0)
-                return narrow_fallback(query, piece, s, clear_m, ahead[i], ahead_m[i]);
-            clear_m = ahead_m[i];
-            s = ahead[i];
-        }
-    }
-    return INFINITY;
 }
 
 /* A cell's posts: southern line, then northern; west, then east. */
@@ -215,14 +123,15 @@ static double hit_surface(const struct piece *piece, const struct cell *cell, do
     if (curve_at(&above, under) > 0.0)
         return INFINITY;
     double low = begin, high = begin + under * (end - begin);
-    while ((high - low) * piece->length_m > HIT_M) {
+    while ((high - low) * piece->length_m > QUERY_HIT_M) {
         double middle = 0.5 * (low + high);
         *(above_cell_m(piece, cell, middle) <= 0.0 ? &high : &low) = middle;
     }
     return high;
 }
 
-static double hit_in_cell(struct query *query, const struct piece *piece, double begin, double end)
+static double hit_in_cell(struct query *query, const struct piece *piece, double begin, double end,
+                          double *clear_m)
 {
     struct cell cell;
     double middle = 0.5 * (begin + end), hit = INFINITY;
@@ -231,7 +140,8 @@ static double hit_in_cell(struct query *query, const struct piece *piece, double
     struct curve above =
         curve_through(above_cell_m(piece, &cell, begin), between, above_cell_m(piece, &cell, end));
     if (isnan(between))
-        return hit_fallback(query, piece, begin, end);
+        return march_hit(query, piece, begin, end, clear_m);
+    *clear_m = NAN;
     if (curve_least(&above, 0.0, 1.0) > piece->error_m)
         return INFINITY;
     while (begin < end && isinf(hit)) {
@@ -295,12 +205,13 @@ static struct box cell_at(struct query *query, const struct piece *piece, double
     return box;
 }
 
-static double hit_by_cells(struct query *query, const struct piece *piece, double begin, double end)
+static double hit_by_cells(struct query *query, const struct piece *piece, double begin, double end,
+                           double *clear_m)
 {
     while (begin < end) {
         struct box cell = cell_at(query, piece, begin);
         double leaves_at = fmin(leaves_box(piece, &cell, begin), end);
-        double hit = hit_in_cell(query, piece, begin, leaves_at);
+        double hit = hit_in_cell(query, piece, begin, leaves_at, clear_m);
         if (!isinf(hit))
             return hit;
         begin = leaves_at;
@@ -341,20 +252,26 @@ static bool is_dug(const struct query *query, struct tile_id id)
     return query->dig && dig_any(query->dig) && dig_raise(query->dig, id, &max_m);
 }
 
-/* Through a tile of level 0: blocks that are lower than the line are passed. */
+/* Through a tile of level 0: blocks that are lower than the line are passed, those without any
+ * height marched through. */
 static double hit_in_tile(struct query *query, const struct piece *piece, const struct box *tile,
-                          double begin, double end)
+                          double begin, double end, double *clear_m)
 {
     bool by_blocks = !borrows_posts(query, tile->id) && !is_dug(query, tile->id);
     while (begin < end) {
         const float *max_m = query_view(query, 0, tile->id)->block_max_m;
         if (!by_blocks || !max_m)
-            return hit_by_cells(query, piece, begin, end);
+            return hit_by_cells(query, piece, begin, end, clear_m);
         struct box block;
         int number = block_at(query->grid, tile, piece, begin, &block);
         double until = fmin(leaves_box(piece, &block, begin), end), hit = INFINITY;
-        if (curve_least(&piece->height_m, begin, until) - piece->error_m <= (double)max_m[number])
-            hit = hit_by_cells(query, piece, begin, until);
+        double least_m = curve_least(&piece->height_m, begin, until) - piece->error_m;
+        if (isnan(max_m[number]))
+            hit = march_hit(query, piece, begin, until, clear_m);
+        else if (least_m <= (double)max_m[number])
+            hit = hit_by_cells(query, piece, begin, until, clear_m);
+        else
+            *clear_m = NAN;
         if (!isinf(hit))
             return hit;
         begin = until;
@@ -392,7 +309,7 @@ static int coarsest(const struct query *query, const struct piece *piece)
     return level;
 }
 
-static double hit_by_tiles(struct query *query, const struct piece *piece)
+static double hit_by_tiles(struct query *query, const struct piece *piece, double *clear_m)
 {
     int top = coarsest(query, piece), level = top;
     for (double s = 0.0; s < 1.0;) {
@@ -406,9 +323,11 @@ static double hit_by_tiles(struct query *query, const struct piece *piece)
             continue;
         }
         if (passage == PASSAGE_CLOSER)
-            hit = hit_in_tile(query, piece, &box, s, end);
+            hit = hit_in_tile(query, piece, &box, s, end, clear_m);
         else if (passage == PASSAGE_EMPTY)
-            hit = hit_fallback(query, piece, s, end);
+            hit = march_hit(query, piece, s, end, clear_m);
+        else
+            *clear_m = NAN;
         if (!isinf(hit))
             return hit;
         s = end;
@@ -417,35 +336,38 @@ static double hit_by_tiles(struct query *query, const struct piece *piece)
     return INFINITY;
 }
 
-static double hit_in_piece(struct query *query, const struct piece *piece)
+/* `clear_m`: as in march_hit(), NaN over the database. */
+static double hit_in_piece(struct query *query, const struct piece *piece, double *clear_m)
 {
-    return query->grid ? hit_by_tiles(query, piece) : hit_fallback(query, piece, 0.0, 1.0);
+    return query->grid ? hit_by_tiles(query, piece, clear_m)
+                       : march_hit(query, piece, 0.0, 1.0, clear_m);
 }
 
 /* How far a piece may be from here: what is higher than all ground (deeper than all) cannot come
  * there sooner. 0 where it may. */
-static double free_way_m(const struct ray *ray, double t)
+static double free_way_m(struct ray *ray, double t)
 {
-    double height_m = ray_at(ray, t).height_m;
+    double height_m = ray_at(ray, t)->at.height_m;
     return fmax(fmax(height_m - HIGHEST_M, LOWEST_M - height_m), 0.0);
 }
 
 /* Where the line meets the ground, 0 .. 1; infinite where it does not. */
-static double hit_on_ray(struct query *query, const struct ray *ray)
+static double hit_on_ray(struct query *query, struct ray *ray)
 {
     double longest = PIECE_M / ray->length_m, least_part = PIECE_LEAST_M / ray->length_m;
-    double part = longest;
+    double part = longest, clear_m = NAN;
     for (double t = 0.0; t < 1.0 && query->error == 0;) {
         double free = free_way_m(ray, t) / ray->length_m;
         if (free > longest) {
             t += free;
+            clear_m = NAN;
             continue;
         }
         double end = fmin(t + part, 1.0);
         struct piece piece;
         while (ray_fit(ray, t, end, &piece) > RAY_ERROR_M && end - t > least_part)
             end = 0.5 * (t + end);
-        double hit = hit_in_piece(query, &piece);
+        double hit = hit_in_piece(query, &piece, &clear_m);
         if (!isinf(hit))
             return t + hit * (end - t);
         part = fmin(2.0 * (end - t), longest);
@@ -460,16 +382,13 @@ static bool is_place(const struct geodetic *at)
 }
 
 /* True where the line is on the ground or under it at `t`. */
-static bool meets_ground(const struct ray *ray, double t, struct query_sight *sight)
+static bool meets_ground(struct ray *ray, double t, struct query_sight *sight)
 {
-    struct query *query = ray->query;
-    struct geodetic at = ray_at(ray, t);
-    double undulation_m =
-        query->geoid ? geoid_undulation_m(query->geoid, at.lat_deg, at.lon_deg) : 0.0;
+    const struct ray_place *place = ray_at(ray, t);
     sight->distance_m = t * ray->length_m;
-    sight->at = at;
-    query_answer_at(query, at.lat_deg, at.lon_deg, &sight->ground);
-    return at.height_m - undulation_m <= sight->ground.height_m + EDGE_M;
+    sight->at = place->at;
+    query_answer_at(ray->query, place->at.lat_deg, place->at.lon_deg, &sight->ground);
+    return place->height_m <= sight->ground.height_m + EDGE_M;
 }
 
 int query_sight(struct query *query, const struct geodetic *from, const struct geodetic *to,

@@ -17,23 +17,32 @@ void tile_make_coarse(const struct grid *grid, struct tile_id id, const struct t
                        block_heights_from_parent(grid, id, parent->heights_m, content->heights_m);
 }
 
-/* The greatest of a row's posts in each block; of those that were measured before as well. */
-static void measure_row(const float *heights_m, float *max_m)
+/* The greatest of a row's posts in each block, and the least; of those that were measured before as
+ * well. */
+static void measure_row(const float *heights_m, float *min_m, float *max_m)
 {
     for (int block = 0; block < TILE_BLOCKS; block++)
         for (int i = block * BLOCK_CELLS; i <= (block + 1) * BLOCK_CELLS; i++) {
             float height_m = isnan(heights_m[i]) ? INFINITY : heights_m[i];
             max_m[block] = height_m > max_m[block] ? height_m : max_m[block];
+            min_m[block] = height_m < min_m[block] ? height_m : min_m[block];
         }
 }
 
 void tile_measure_blocks(const float *heights_m, float *ret_max_m)
 {
-    for (int i = 0; i < TILE_BLOCK_COUNT; i++)
-        ret_max_m[i] = -INFINITY;
-    for (int block = 0; block < TILE_BLOCKS; block++)
+    for (int block = 0; block < TILE_BLOCKS; block++) {
+        float min_m[TILE_BLOCKS], *max_m = ret_max_m + block * TILE_BLOCKS;
+        for (int i = 0; i < TILE_BLOCKS; i++) {
+            min_m[i] = INFINITY;
+            max_m[i] = -INFINITY;
+        }
         for (int row = block * BLOCK_CELLS; row <= (block + 1) * BLOCK_CELLS; row++)
-            measure_row(heights_m + row * TILE_POSTS, ret_max_m + block * TILE_BLOCKS);
+            measure_row(heights_m + row * TILE_POSTS, min_m, max_m);
+        for (int i = 0; i < TILE_BLOCKS; i++)
+            if (isinf(min_m[i]))
+                max_m[i] = NAN;
+    }
 }
 
 /* The parent's symbols come back from its heights. `symbols` has room for both. */

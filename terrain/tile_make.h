@@ -18,7 +18,7 @@ struct tile_bounds {
 #define TILE_KEPT_FLOATS (TILE_POST_COUNT + TILE_BLOCK_COUNT) /* of a tile that is kept */
 
 /* The greatest height of each block's posts, borders included, from TILE_POST_COUNT heights;
- * infinite where one has none. */
+ * infinite where one has none, NaN where none has one. */
 void tile_measure_blocks(const float *heights_m, float *ret_max_m);
 
 /* What a tile turned out to be. */

@@ -60,7 +60,7 @@ static inline int check_sight(struct query *query, struct geoid *geoid, const st
     CHECK_INT(query_sight(query, from, to, 0, &sight), 0);
     double brute_m = brute_sight_m(query, geoid, from, to, step_m);
     double found_m = sight.hit ? sight.distance_m : INFINITY;
-    if (!(found_m <= brute_m))
+    if (!(found_m <= brute_m + 0.005)) /* lines and roots are known to a millimetre */
         CHECK_FAIL("%g %g %g to %g %g %g: found %g m, brute force %g m", from->lat_deg,
                    from->lon_deg, from->height_m, to->lat_deg, to->lon_deg, to->height_m, found_m,
                    brute_m);

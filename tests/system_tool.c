@@ -8,6 +8,8 @@
  *   system_tool cigi-ask PORT REPLY HEIGHTS LINES FRAMES
  *                                     a CIGI host that asks so many heights and lines of sight at
  *                                     once, so many times, each time when all is answered
+ *   system_tool cigi-late PORT REPLY  a CIGI host in synchronous operation that is late or behind:
+ *                                     a line as each way of it begins
  *   system_tool swaps GROUP INTERFACE FROM_S
  *                                     a line for each frame that channels of a swap lock tell that
  *                                     they show, until killed: number, channel, whose number (host
@@ -29,6 +31,7 @@
 #include "io/udp.h"
 
 #define LIFE_S           60 /* an orphan ends by itself */
+#define LATE_FRAMES      6  /* of each way to be late */
 #define SWAPS_SILENCE_MS 60000
 
 static void fail(const char *what)
@@ -391,6 +394,55 @@ static int cigi_ask(char **arguments)
     return 0;
 }
 
+/* `echo`: how many frames older than the last Start of Frame is what it claims to have seen. */
+static void put_answer(struct asking *asking, double lat_deg, uint32_t echo)
+{
+    struct cigi_writer writer;
+    asking->host.seen.ig_frame -= echo;
+    cigi_host_begin(&asking->host, clock_monotonic_ns(), asking->data, &writer);
+    asking->host.seen.ig_frame += echo;
+    put_own_ship(&asking->host, &writer, lat_deg);
+    udp_send_to(&asking->udp, &asking->to, asking->data, writer.size);
+}
+
+/* One that is late is so by more than the wait, and by less than a frame. */
+static int cigi_late(char **arguments)
+{
+    static const struct {
+        const char *name;
+        double decoy_deg,
+            lat_deg; /* an answer to an older frame, which comes first; the right one */
+        uint32_t echo;
+        unsigned after_ms;
+    } ways[] = {
+        {"in step", 0.0, 46.5, 0, 0}, {"decoys", 46.6, 46.5, 0, 30}, {"behind", 0.0, 46.5, 2, 0},
+        {"late", 0.0, 46.5, 0, 170},  {"again", 0.0, 46.7, 0, 0},
+    };
+    static struct asking asking = {.host = {.format = {.major = 3, .minor = 3}, .frame = 1}};
+    char to[64], listen[64];
+    snprintf(to, sizeof(to), "127.0.0.1:%s", arguments[0]);
+    snprintf(listen, sizeof(listen), "127.0.0.1:%s", arguments[1]);
+    setvbuf(stdout, NULL, _IOLBF, 0);
+    if (address_parse(to, &asking.to, NULL) < 0 || udp_listen(&asking.udp, listen, NULL) < 0)
+        fail(to);
+    while (take_start(&asking) && asking.host.seen.mode != CIGI_OPERATE)
+        put_answer(&asking, ways[0].lat_deg, 0);
+    for (size_t way = 0; way < sizeof(ways) / sizeof(ways[0]); way++) {
+        printf("%s\n", ways[way].name);
+        for (int i = 0; i < LATE_FRAMES; i++) {
+            if (ways[way].decoy_deg != 0.0)
+                put_answer(&asking, ways[way].decoy_deg, 1);
+            usleep(1000 * ways[way].after_ms);
+            put_answer(&asking, ways[way].lat_deg, ways[way].echo);
+            if (!take_start(&asking))
+                fail("no Start of Frame for a second");
+        }
+    }
+    udp_close(&asking.udp);
+    printf("%llu gaps\n", (unsigned long long)asking.host.gaps);
+    return 0;
+}
+
 static int swaps(const char *group, const char *interface, nsec_t from_ns)
 {
     struct udp udp;
@@ -429,6 +481,8 @@ int main(int argc, char **argv)
         return bad_input((unsigned)atoi(argv[2]), argv[3]);
     if (strcmp(what, "cigi") == 0 && argc >= 4)
         return cigi((unsigned)atoi(argv[2]), argv[3], argc > 4 ? atoi(argv[4]) : 1);
+    if (strcmp(what, "cigi-late") == 0 && argc == 4)
+        return cigi_late(argv + 2);
     if (strcmp(what, "cigi-ask") == 0 && argc == 7)
         return cigi_ask(argv + 2);
     if (strcmp(what, "swaps") == 0 && argc == 5)

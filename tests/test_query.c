@@ -1,48 +1,12 @@
-/* Questions about the ground: heights, normals and kinds at places, lines of sight. */
+/* Questions about the ground: heights, normals and kinds at places. */
 #include <errno.h>
 #include <pthread.h>
 #include <stdatomic.h>
 
 #include "base/clock.h"
-#include "geo/egm96.h"
-#include "terrain/query.h"
-#include "terrain/tile_cache.h"
-#include "tests/database_fixture.h"
+#include "tests/query_fixture.h"
 #include "tests/sample_grid.h"
 #include "tests/sight_brute.h"
-
-static uint32_t seed = 1;
-
-static double random_in(double low, double high)
-{
-    seed = seed * 1664525u + 1013904223u;
-    return low + (high - low) * (double)(seed >> 8) / 16777216.0;
-}
-
-/* With room for all tiles: the places jump about. */
-static struct terrain_source *open_roomy(const char *name)
-{
-    struct diag diag = {""};
-    struct terrain_source *source = NULL;
-    if (database_source_open(path_of(name), 600, &source, &diag) < 0)
-        CHECK_FAIL("opening: %s", diag.text);
-    return source;
-}
-
-static struct query *open_query(struct terrain_source *database, struct terrain_source *fallback)
-{
-    struct query *query = NULL;
-    struct query_params params = {.database = database, .fallback = fallback};
-    CHECK_INT(query_create(&params, &query), 0);
-    return query;
-}
-
-static double height_m(struct query *query, double lat_deg, double lon_deg)
-{
-    struct query_answer answer;
-    CHECK_INT(query_height(query, lat_deg, lon_deg, 0, &answer), 0);
-    return answer.height_m;
-}
 
 /* Places that are special to a grid, and others. */
 static struct query_place some_place(const struct grid *grid, int i, double south, double north)
@@ -101,9 +65,7 @@ static void heights_are_those_of_the_source(void)
 {
     build_globe(path_of("globe.db"));
     check_same_as_source("globe.db", -90.0, -180.0, 90.0, 180.0);
-    struct grid_shape odd = {
-        .posts_per_degree = 3.7, .lat_phase = 0.25, .lon_phase = 0.4, .lon_bias = 1};
-    build_on_level(path_of("odd.db"), &odd, 0.0, 0.0, 0, -90.0, -180.0, 90.0, 180.0, surface_m);
+    build_odd(path_of("odd.db"));
     check_same_as_source("odd.db", -90.0, -180.0, 90.0, 180.0);
     build_exact(path_of("exact.db"));
     check_same_as_source("exact.db", 58.9, -23.6, 62.1, -20.9);
@@ -191,42 +153,9 @@ static void the_normal_is_the_slope_of_the_surface(void)
     terrain_source_destroy(source);
 }
 
-/* Hills of 100 m in the west and sea in the east. */
-static int hills_and_sea(struct terrain_source *source, double lat_deg, double lon_deg,
-                         double *ret_height_m)
-{
-    *ret_height_m = lon_deg < -22.0 ? 100.0 + 10.0 * sin(lat_deg * 3000.0) : 0.0;
-    return 0;
-}
-
-static int many_hills(struct terrain_source *source, const struct terrain_places *places,
-                      float *ret_height_m)
-{
-    for (int i = 0; i < places->count; i++) {
-        double height_m;
-        hills_and_sea(source, places->lat_deg[i], places->lon_deg[i], &height_m);
-        ret_height_m[i] = (float)height_m;
-    }
-    return 0;
-}
-
-static void hills_facts(const struct terrain_source *source, struct terrain_facts *ret_facts)
-{
-    *ret_facts = (struct terrain_facts){.finest_lat_step_deg = 1e-5, .finest_lon_step_deg = 1e-5};
-}
-
-static const struct terrain_source_ops hills_ops = {
-    .sample = many_hills, .sample_point = hills_and_sea, .facts = hills_facts};
-static struct terrain_source hills = {.ops = &hills_ops};
-
-static float low_m(double lat_deg, double lon_deg)
-{
-    return lat_deg > 60.5 ? NAN : lon_deg < -22.5 ? -5.0f : lon_deg < -21.5 ? 0.0f : 30.0f;
-}
-
 static void the_fallback_fills_and_tells_water(void)
 {
-    build(path_of("low.db"), 120, 0.5, 1.0, 60.0, -23.0, 61.0, -21.0, low_m);
+    build_low(path_of("low.db"));
     struct terrain_source *source = open_roomy("low.db");
     if (!source)
         return;
@@ -360,197 +289,6 @@ static void answers_are_right_while_the_renderer_streams(void)
     terrain_source_destroy(source);
 }
 
-/* Over all the globe: poles, changes of the longitude factor, the antimeridian. */
-static void lines_of_sight_end_where_brute_force_says(void)
-{
-    const char *const paths[] = {"globe.db", "odd.db"};
-    for (int p = 0; p < 2; p++) {
-        struct terrain_source *source = open_roomy(paths[p]);
-        if (!source)
-            return;
-        struct query *query = open_query(source, NULL);
-        int hits = 0, clear = 0;
-        for (int i = 0; i < 300; i++) {
-            struct geodetic from = {random_in(-90.0, 90.0), random_in(-180.0, 180.0),
-                                    random_in(1000.0, 6000.0)};
-            struct geodetic to = {from.lat_deg + random_in(-3.0, 3.0),
-                                  from.lon_deg + random_in(-3.0, 3.0), random_in(-2000.0, 5000.0)};
-            if (i % 4 == 0)
-                from.lat_deg = copysign(90.0 - random_in(0.0, 1.0), from.lat_deg),
-                to.lon_deg += 180.0;
-            if (i % 4 == 1)
-                from.lon_deg = 179.0, to.lon_deg = -179.5;
-            to.lat_deg = fmin(fmax(to.lat_deg, -90.0), 90.0);
-            int hit = check_sight(query, NULL, &from, &to, 300.0);
-            hits += hit;
-            clear += !hit;
-        }
-        CHECK(hits > 50);
-        CHECK(clear > 20);
-        query_destroy(query);
-        terrain_source_destroy(source);
-    }
-}
-
-static void lines_of_sight_over_small_cells(void)
-{
-    struct terrain_source *source = open_roomy("exact.db");
-    if (!source)
-        return;
-    struct query *query = open_query(source, NULL);
-    int hits = 0, clear = 0;
-    for (int i = 0; i < 400; i++) {
-        struct geodetic from = {random_in(58.8, 62.2), random_in(-23.7, -20.8), 0.0};
-        struct geodetic to = {random_in(58.8, 62.2), random_in(-23.7, -20.8),
-                              random_in(-3000.0, 3000.0)};
-        double ground_m = height_m(query, from.lat_deg, from.lon_deg);
-        from.height_m = random_in(1.0, 600.0) + (isnan(ground_m) ? 1000.0 : ground_m);
-        int hit = check_sight(query, NULL, &from, &to, 50.0);
-        hits += hit;
-        clear += !hit;
-    }
-    CHECK(hits > 50);
-    CHECK(clear > 20);
-    query_destroy(query);
-    terrain_source_destroy(source);
-}
-
-/* Hills of some 100 m every few hundred metres, and a hole. */
-static float rough_m(double lat_deg, double lon_deg)
-{
-    double y = lat_deg * 1300.0, x = lon_deg * 700.0;
-    if (hypot(lat_deg - 60.05, lon_deg + 21.95) < 0.002)
-        return NAN;
-    return nearbyintf((float)(80.0 * sin(x) * cos(0.7 * y) + 60.0 * sin(0.31 * x + y) +
-                              300.0 * sin(0.05 * (x + y))));
-}
-
-/* Tiles of a mile: those above them save most of the way. */
-static void lines_of_sight_over_small_tiles(void)
-{
-    build(path_of("rough.db"), 9600, 0.5, 1.0, 59.95, -22.0, 60.1, -21.8, rough_m);
-    struct terrain_source *source = open_roomy("rough.db");
-    if (!source)
-        return;
-    struct query *query = open_query(source, NULL);
-    struct geodetic high = {59.95, -22.0, 2000.0}, far = {60.1, -21.8, 1500.0};
-    struct query_sight above;
-    struct tile_cache_counts counts;
-    CHECK_INT(query_sight(query, &high, &far, 0, &above), 0);
-    tile_cache_counts(tile_cache_of_source(source), &counts);
-    CHECK(!above.hit);
-    CHECK(counts.loaded < 38); /* 43 if all that it passes over were looked at */
-    int hits = 0, clear = 0;
-    for (int i = 0; i < 300; i++) {
-        struct geodetic from = {random_in(59.94, 60.11), random_in(-22.01, -21.79),
-                                random_in(100.0, 500.0)};
-        struct geodetic to = {random_in(59.94, 60.11), random_in(-22.01, -21.79),
-                              random_in(0.0, 800.0)};
-        int hit = check_sight(query, NULL, &from, &to, 1.0); /* 0.1 of a cell */
-        hits += hit;
-        clear += !hit;
-    }
-    CHECK(hits > 100);
-    CHECK(clear > 20);
-    query_destroy(query);
-    terrain_source_destroy(source);
-}
-
-/* Far from it the geoid is taken as it bends on the whole, near the ground as it is. */
-static void lines_of_sight_over_the_geoid(void)
-{
-    struct terrain_source *source = open_roomy("rough.db");
-    struct geoid *geoid = NULL;
-    struct query *query = NULL;
-    struct diag diag = {""};
-    if (!source || egm96_open(&geoid, &diag) < 0) {
-        CHECK_FAIL("opening: %s", diag.text);
-        return;
-    }
-    struct query_params params = {.database = source, .geoid = geoid};
-    CHECK_INT(query_create(&params, &query), 0);
-    int hits = 0, clear = 0;
-    for (int i = 0; i < 100; i++) {
-        struct geodetic from = {random_in(59.94, 60.11), random_in(-22.01, -21.79),
-                                random_in(160.0, 560.0)};
-        struct geodetic to = {random_in(59.94, 60.11), random_in(-22.01, -21.79),
-                              random_in(60.0, 860.0)};
-        int hit = check_sight(query, geoid, &from, &to, 4.0);
-        hits += hit;
-        clear += !hit;
-    }
-    CHECK(hits > 30);
-    CHECK(clear > 10);
-    query_destroy(query);
-    geoid_close(geoid);
-    terrain_source_destroy(source);
-}
-
-static void a_block_is_as_high_as_its_highest_post(void)
-{
-    static float heights_m[TILE_POST_COUNT];
-    float max_m[TILE_BLOCK_COUNT];
-    const int cells = TILE_CELLS / TILE_BLOCKS, hole = 20 * TILE_POSTS + 64;
-    for (int i = 0; i < TILE_POST_COUNT; i++)
-        heights_m[i] = (float)random_in(-500.0, 3000.0);
-    heights_m[hole] = NAN; /* on the border of two blocks */
-    tile_measure_blocks(heights_m, max_m);
-    for (int b = 0; b < TILE_BLOCK_COUNT; b++) {
-        int south = b / TILE_BLOCKS * cells, west = b % TILE_BLOCKS * cells;
-        float greatest_m = -INFINITY;
-        for (int i = 0; i < (cells + 1) * (cells + 1); i++) {
-            int post = (south + i / (cells + 1)) * TILE_POSTS + west + i % (cells + 1);
-            greatest_m = fmaxf(greatest_m, post == hole ? INFINITY : heights_m[post]);
-        }
-        CHECK(max_m[b] == greatest_m);
-    }
-    CHECK(isinf(max_m[2 * TILE_BLOCKS + 7]) && isinf(max_m[2 * TILE_BLOCKS + 8]));
-    CHECK(!isinf(max_m[2 * TILE_BLOCKS + 9]));
-}
-
-static void lines_of_sight_meet_the_fallback(void)
-{
-    struct terrain_source *source = open_roomy("low.db");
-    if (!source)
-        return;
-    struct query *query = open_query(source, &hills), *bare = open_query(source, NULL);
-    /* North into the hills that begin where the database ends, from 40 m above its plain. */
-    struct geodetic from = {60.4, -22.3, 40.0}, to = {60.7, -22.3, 40.0};
-    struct query_sight sight;
-    CHECK_INT(query_sight(query, &from, &to, QUERY_NORMAL, &sight), 0);
-    CHECK(sight.hit && sight.ground.from_fallback);
-    CHECK_NEAR(sight.at.lat_deg, 60.5, 1.0 / 120.0 + 1e-6);
-    CHECK_INT(query_sight(bare, &from, &to, 0, &sight), 0);
-    CHECK(!sight.hit); /* what has no height stands in no way */
-    struct geodetic space = {60.7, -21.5, 36e6}, sea = {60.9, -21.5, -100.0};
-    CHECK_INT(query_sight(query, &space, &sea, 0, &sight), 0);
-    CHECK(sight.hit && sight.ground.material == QUERY_WATER);
-    CHECK_NEAR(sight.at.height_m, 0.0, 0.01);
-    query_destroy(bare);
-    query_destroy(query);
-    terrain_source_destroy(source);
-}
-
-static void a_line_of_no_length_and_one_from_below(void)
-{
-    struct terrain_source *source = open_roomy("globe.db");
-    if (!source)
-        return;
-    struct query *query = open_query(source, NULL);
-    struct query_sight sight;
-    struct geodetic high = {10.0, 20.0, 5000.0}, low = {10.0, 20.0, -5000.0};
-    CHECK_INT(query_sight(query, &high, &high, 0, &sight), 0);
-    CHECK(!sight.hit);
-    CHECK_INT(query_sight(query, &low, &high, 0, &sight), 0);
-    CHECK(sight.hit);
-    CHECK_NEAR(sight.distance_m, 0.0, 0.0);
-    CHECK_INT(query_sight(query, &high, &low, QUERY_NORMAL, &sight), 0);
-    CHECK(sight.hit && sight.ground.normal_enu[2] > 0.5f);
-    CHECK_NEAR(sight.at.height_m, height_m(query, 10.0, 20.0), 0.01);
-    query_destroy(query);
-    terrain_source_destroy(source);
-}
-
 static const struct check_test tests[] = {
     {"heights are those of the source, to the bit", heights_are_those_of_the_source},
     {"many places at once are each answered, each tile fetched once",
@@ -562,15 +300,6 @@ static const struct check_test tests[] = {
     {"without waiting answers are late at first, then right",
      without_waiting_answers_are_late_at_first},
     {"answers are right while the renderer streams", answers_are_right_while_the_renderer_streams},
-    {"lines of sight end where brute force says, all over the globe",
-     lines_of_sight_end_where_brute_force_says},
-    {"lines of sight over small cells, and over what has no height",
-     lines_of_sight_over_small_cells},
-    {"lines of sight over small tiles", lines_of_sight_over_small_tiles},
-    {"lines of sight over the geoid", lines_of_sight_over_the_geoid},
-    {"a block is as high as its highest post", a_block_is_as_high_as_its_highest_post},
-    {"lines of sight meet the fallback", lines_of_sight_meet_the_fallback},
-    {"a line of no length, and one from below", a_line_of_no_length_and_one_from_below},
 };
 
 int main(void)

@@ -187,6 +187,7 @@ static void a_thousand_requests_take_less_than_a_frame(void)
         measure(path_of("iceland"), 10, threads);
         measure(path_of("iceland"), 1, threads);
         measure("", 10, threads);
+        measure("", 1, threads);
     }
 }
 

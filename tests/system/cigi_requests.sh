@@ -36,5 +36,6 @@ if [ -z "${OTWD_TESTS_ARE_SLOW:-}" ]; then
 fi
 ask 900 100 100
 ask 0 300 100
+ask 0 1000 100
 is rejected 0 || fail "rejected $(field rejected)"
 finish
