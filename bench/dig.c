@@ -139,7 +139,7 @@ int main(int argc, char **argv)
             .visibility_m = 40000.0};
         r = channel_create(&params, &channel, &diag);
     }
-    if (r < 0) {
+    if (r != 0) {
         fprintf(stderr, "bench_dig: %s\n", diag.text);
         return 1;
     }

@@ -98,7 +98,7 @@ static struct raster raster_read(const char *spec)
 static struct raster raster_halved(const struct raster *fine)
 {
     struct raster half = {.width = (fine->width + 1) / 2, .height = (fine->height + 1) / 2};
-    half.symbols = must(malloc((size_t)half.width * (size_t)half.height * sizeof(int32_t)));
+    half.symbols = must(calloc((size_t)half.width * (size_t)half.height, sizeof(int32_t)));
     for (int row = 0; row < half.height; row++)
         for (int col = 0; col < half.width; col++)
             half.symbols[row * half.width + col] = fine->symbols[2 * row * fine->width + 2 * col];
@@ -545,11 +545,11 @@ static void write_tables(const char *folder, const struct trainer *trainer)
 
 int main(int argc, char **argv)
 {
-    struct trainer *trainer = must(calloc(1, sizeof(*trainer)));
     if (argc < 3) {
         fprintf(stderr, "usage: %s FOLDER FILE:WIDTH:HEIGHT:STEP:NODATA...\n", argv[0]);
         return 64;
     }
+    struct trainer *trainer = must(calloc(1, sizeof(*trainer)));
     for (int phase = 0; phase < TRAINED_PHASES; phase++) {
         trainer->features[phase] = must(malloc(FEATURES_KEPT * sizeof(struct features)));
         for (int f = 0; f < FEATURES; f++)

@@ -6,6 +6,7 @@
 #include <errno.h>
 #include <math.h>
 #include <net/if.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/un.h>
@@ -161,7 +162,7 @@ static void settle_source(const struct source_check *check)
         strcpy(source->interface, "can0");
     if (!config_source_is_bus(source) &&
         !document_get(check->document, check->node, "listen", NULL))
-        strcpy(source->listen, ports[source->type]);
+        snprintf(source->listen, sizeof(source->listen), "%s", ports[source->type]);
     if (source->type == CONFIG_SOURCE_CIGI &&
         !document_get(check->document, check->node, "reply", NULL))
         strcpy(source->reply, "127.0.0.1:8005");

@@ -15,7 +15,8 @@ struct backtrace {
     unsigned line, column;
 };
 
-static void take_log(cyaml_log_t level, void *context, const char *format, va_list args)
+static void __attribute__((format(printf, 3, 0)))
+take_log(cyaml_log_t level, void *context, const char *format, va_list args)
 {
     struct backtrace *backtrace = context;
     char line[256];

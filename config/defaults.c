@@ -36,7 +36,7 @@ static void set_leaf(const cyaml_schema_value_t *schema, void *data, const char 
         break;
     default:
         assert(schema->type == CYAML_STRING && strlen(text) < schema->data_size);
-        strcpy(data, text);
+        memcpy(data, text, strlen(text) + 1);
         break;
     }
 }

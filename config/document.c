@@ -26,8 +26,9 @@ static void add_error(struct config_errors *errors, struct config_error error)
     errors->list[errors->count++] = error;
 }
 
-static void complain(struct document *document, unsigned line, unsigned column, const char *format,
-                     va_list args)
+static void __attribute__((format(printf, 4, 0)))
+complain(struct document *document, unsigned line, unsigned column, const char *format,
+         va_list args)
 {
     char *sentence, *text;
     if (vasprintf(&sentence, format, args) < 0)

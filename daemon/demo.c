@@ -73,12 +73,12 @@ static int fly(struct demo_options *options, struct diag *diag)
     if (mkdir(options->out, 0777) < 0 && errno != EEXIST)
         return diag_set(diag, -EIO, "%s: cannot make the directory: %s", options->out,
                         strerror(errno));
-    struct replay_params *params = &options->params;
-    params->output.frames_dir = frames;
-    params->output.every = (unsigned)(params->rate_hz * PICTURE_SECONDS);
-    params->output.video_path = options->video ? video : NULL;
-    params->report_dir = report_dir;
-    params->flight_name = "the embedded flight";
+    struct replay_params params = options->params;
+    params.output.frames_dir = frames;
+    params.output.every = (unsigned)(params.rate_hz * PICTURE_SECONDS);
+    params.output.video_path = options->video ? video : NULL;
+    params.report_dir = report_dir;
+    params.flight_name = "the embedded flight";
     struct geoid *geoid = NULL;
     struct flight *flight = NULL;
     struct report report = {0};
@@ -90,7 +90,7 @@ static int fly(struct demo_options *options, struct diag *diag)
                                (size_t)(demo_flight_csv_end - demo_flight_csv), &flight_params,
                                &flight, diag);
     if (r == 0)
-        r = replay_fly(flight, params, &report, &facts, diag);
+        r = replay_fly(flight, &params, &report, &facts, diag);
     if (r == 0 && !options->quiet) {
         replay_print_summary(&report, &facts);
         printf("pictures  %s\n", frames);

@@ -57,8 +57,10 @@ static int read_raster(struct dig_options *options)
     int pipes[2], status = 0;
     struct diag diag = {0};
     uint8_t *bytes = malloc(STAMP_BYTES_MAX);
-    if (!bytes || pipe(pipes) < 0)
+    if (!bytes || pipe(pipes) < 0) {
+        free(bytes);
         return EX_OSERR;
+    }
     fflush(stdout);
     pid_t child = fork();
     if (child == 0)

@@ -117,8 +117,9 @@ static void make_printable(char *text)
             *text = ' ';
 }
 
-static void write_locked(struct log_site *site, enum log_level level, const struct log_about *about,
-                         const char *format, va_list args)
+static void __attribute__((format(printf, 4, 0)))
+write_locked(struct log_site *site, enum log_level level, const struct log_about *about,
+             const char *format, va_list args)
 {
     char message[MESSAGE_MAX];
     nsec_t now_ns = clock_monotonic_ns();

@@ -77,7 +77,7 @@ static int judge(struct stage *stage, const struct flights_params *params, struc
         r = quality_judge(stage->quality, stage->renderer, view, &flown->error_px, NULL);
     if (r == 0)
         r = quality_against_kept(stage->quality, stage->renderer, &difference);
-    if (r < 0)
+    if (r != 0)
         return r;
     samples_add(&flown->psnr_db, difference.psnr_db);
     if (difference.psnr_db < flown->worst_db) {
@@ -228,7 +228,7 @@ static int compare_doubles(const void *a, const void *b)
 
 double flights_frame_ms(const struct flights_params *params, const struct flown *flown, int frame)
 {
-    double rounds[100];
+    double rounds[100] = {0.0};
     int count = params->rounds < 100 ? params->rounds : 100;
     for (int i = 0; i < count; i++)
         rounds[i] = flown->frame_ms[(size_t)i * (size_t)params->frames + (size_t)frame];

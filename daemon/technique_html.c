@@ -121,15 +121,15 @@ static void write_error_plot(FILE *file, const struct technique_report *report)
             widen(&px, fmax(report->curves[i].points[k].p99_px, 0.01 * report->error_px));
         }
     fprintf(file, "<svg viewBox=\"0 0 %d %d\">\n", PLOT_WIDTH, PLOT_HEIGHT + 22);
-    for (double d = px.from; d <= px.to; d++) {
-        double y = PLOT_HEIGHT * (1.0 - along(&px, pow(10.0, d)));
+    for (int d = 0; d <= px.to - px.from; d++) {
+        double error_px = pow(10.0, px.from + d), y = PLOT_HEIGHT * (1.0 - along(&px, error_px));
         write_line(file, 0.0, y, PLOT_WIDTH, y);
-        write_label(file, 4.0, y - 3.0, pow(10.0, d), "px");
+        write_label(file, 4.0, y - 3.0, error_px, "px");
     }
-    for (double d = ms.from; d <= ms.to; d++) {
-        double x = PLOT_WIDTH * along(&ms, pow(10.0, d));
+    for (int d = 0; d <= ms.to - ms.from; d++) {
+        double time_ms = pow(10.0, ms.from + d), x = PLOT_WIDTH * along(&ms, time_ms);
         write_line(file, x, 0.0, x, PLOT_HEIGHT);
-        write_label(file, fmin(x + 2.0, PLOT_WIDTH - 60.0), PLOT_HEIGHT + 16.0, pow(10.0, d), "ms");
+        write_label(file, fmin(x + 2.0, PLOT_WIDTH - 60.0), PLOT_HEIGHT + 16.0, time_ms, "ms");
     }
     for (int i = 0; i < report->count; i++) {
         const struct curve *curve = &report->curves[i];

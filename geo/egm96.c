@@ -91,7 +91,7 @@ static int pgm_from_gtx(const char *path, const uint8_t *gtx, uint8_t *ret_pgm, 
 
 int egm96_convert(const char *gtx_path, const char *pgm_path, struct diag *diag)
 {
-    uint8_t *gtx = malloc(GTX_SIZE), *pgm = malloc(PGM_SIZE);
+    uint8_t *gtx = calloc(1, GTX_SIZE), *pgm = malloc(PGM_SIZE);
     int r = gtx && pgm ? 0 : diag_set(diag, -ENOMEM, "geoid grid %s: out of memory", gtx_path);
     if (r == 0)
         r = read_gtx(gtx_path, gtx, diag);

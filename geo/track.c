@@ -124,7 +124,7 @@ static void rate_from_neighbours(const struct track *track, unsigned i, const st
                                  double ret[3])
 {
     const struct track_knot *k = &track->knots[i];
-    double before[3], behind[3];
+    double before[3] = {0.0}, behind[3] = {0.0};
     if (i > 0)
         mean_rate(trust, k - 1, k, before);
     if (i + 1 < track->count)

@@ -2,6 +2,7 @@
 
 #include <assert.h>
 #include <errno.h>
+#include <stdio.h>
 #include <string.h>
 
 #define RETRY_FIRST_NS (100 * NSEC_PER_MSEC)
@@ -50,7 +51,7 @@ int can_bus_create(const char *url, const struct can_bus_params *params, struct 
     int r = schemes[i].create(&bus);
     if (r < 0)
         return diag_set(diag, r, "no memory for the bus %s", url);
-    strcpy(bus->name, name);
+    snprintf(bus->name, sizeof(bus->name), "%s", name);
     assert(params->id_count <= CAN_BUS_IDS_MAX);
     if (params->id_count)
         memcpy(bus->ids, params->ids, params->id_count * sizeof(bus->ids[0]));

@@ -124,7 +124,7 @@ int can_table_take(const struct can_table *table, struct can_assembly *assembly,
             continue;
         *ret_ours = true;
         int r = read_field(&table->fields[i], frame, &values[count], ret_rejection);
-        if (r < 0)
+        if (r != 0)
             return r;
         mine[count++] = i;
     }

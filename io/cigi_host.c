@@ -9,11 +9,10 @@ int cigi_host_receive(struct cigi_host *host, const void *data, size_t size,
 {
     struct cigi_reader reader;
     struct cigi_packet packet;
-    int r = cigi_read_begin(data, size, &reader, ret_rejection);
-    if (r == 0)
-        r = cigi_read(&reader, &packet, ret_rejection);
-    if (r < 0)
-        return r;
+    int r;
+    if (cigi_read_begin(data, size, &reader, ret_rejection) < 0 ||
+        cigi_read(&reader, &packet, ret_rejection) != CIGI_PACKET)
+        return -EBADMSG;
     if (packet.kind != CIGI_START_OF_FRAME)
         return reject(ret_rejection, REJECT_MAGIC, 0, "it begins with %s",
                       cigi_layouts[packet.kind].name);

@@ -299,16 +299,14 @@ static int read_control(struct cigi_session *session, const void *data, size_t s
                         struct cigi_reader *ret_reader, struct cigi_packet *ret_packet,
                         struct rejection *ret_rejection)
 {
-    int r = cigi_read_begin(data, size, ret_reader, ret_rejection);
-    if (r == 0)
-        r = cigi_read(ret_reader, ret_packet, ret_rejection);
-    if (r == CIGI_PACKET && ret_packet->kind != CIGI_IG_CONTROL)
-        r = reject(ret_rejection, REJECT_MAGIC, 0, "it begins with %s, not with IG Control",
-                   cigi_layouts[ret_packet->kind].name);
-    if (r == CIGI_PACKET)
-        r = take_frame_number(&session->link, &ret_reader->format,
-                              ret_packet->ig_control.host_frame, ret_rejection);
-    return r < 0 ? r : 0;
+    if (cigi_read_begin(data, size, ret_reader, ret_rejection) < 0 ||
+        cigi_read(ret_reader, ret_packet, ret_rejection) != CIGI_PACKET)
+        return -EBADMSG;
+    if (ret_packet->kind != CIGI_IG_CONTROL)
+        return reject(ret_rejection, REJECT_MAGIC, 0, "it begins with %s, not with IG Control",
+                      cigi_layouts[ret_packet->kind].name);
+    return take_frame_number(&session->link, &ret_reader->format, ret_packet->ig_control.host_frame,
+                             ret_rejection);
 }
 
 int cigi_session_receive(struct cigi_session *session, const void *data, size_t size,

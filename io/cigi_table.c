@@ -68,6 +68,8 @@ void cigi_table_drop(struct cigi_table *table, uint64_t first, uint64_t last)
 {
     size_t from = cigi_table_place(table, first);
     size_t to = last == UINT64_MAX ? table->count : cigi_table_place(table, last + 1);
+    if (from == to)
+        return; /* a table that never held anything has no memory either */
     memmove(cigi_table_at(table, from), cigi_table_at(table, to),
             (table->count - to) * table->item_size);
     table->count -= to - from;

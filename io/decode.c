@@ -30,8 +30,9 @@ void reject_list(const uint64_t rejected[REJECT_REASONS], char *ret_text, size_t
                                      (unsigned long long)rejected[i]);
 }
 
-int reject(struct rejection *ret_rejection, enum reject_reason reason, size_t offset,
-           const char *format, ...)
+/* In brackets, for tests/sanitize/model.h has a macro of the name. */
+int(reject)(struct rejection *ret_rejection, enum reject_reason reason, size_t offset,
+            const char *format, ...)
 {
     if (ret_rejection) {
         ret_rejection->reason = reason;

@@ -123,7 +123,7 @@ static int candump_read(const struct flight_input *input, const struct flight_pa
     char text[LINE_MAX_BYTES], interface[16] = "";
     int r;
     while ((r = line_reader_next(&lines, text)) > 0) {
-        struct candump_line line;
+        struct candump_line line = {0};
         if (text[0] != '(')
             continue;
         size_t column = parse_line(text, &line);

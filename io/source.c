@@ -214,10 +214,11 @@ static void take_result(struct pose_source *source, nsec_t now_ns,
                         const struct pose_source_events *events, int r, const struct pose *pose,
                         const struct rejection *rejection)
 {
-    if (r > 0)
+    if (r > 0 && pose) {
         source->accepted_ns = pose->receive_ns;
-    if (r > 0 && events->pose)
-        events->pose(events->context, source, pose);
+        if (events->pose)
+            events->pose(events->context, source, pose);
+    }
     bool news = rejection->reason != REJECT_NONE && rejection->reason != REJECT_LATE;
     if (news && !hold_back(source, now_ns)) {
         char text[sizeof(rejection->text) + 64];

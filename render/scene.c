@@ -234,7 +234,7 @@ static void set_levels(const struct extent *extent, struct scene_block *scene)
         ret[1] = level < shape->levels - 1 ? ret[0] : EVERYWHERE; /* there is nothing coarser */
         ret[2] = (float)(0.25 * WGS84_A * step * step); /* the sagitta of a cell's diagonal */
         ret[3] = (float)block;
-        if (extent->ends[level] > 0.0 && level < shape->levels - 1)
+        if (level < shape->levels - 1 && extent->ends[level] > 0.0)
             shortest =
                 fmin(shortest, (cap->radius - block - cube_chord(cap->normal, extent->normal)) /
                                    ldexp(extent->reaches[0].end, level));

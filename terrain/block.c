@@ -279,14 +279,15 @@ static int encode_level(struct block *block, int above)
     for (int index = 0; level <= block->top_level && index < block_row_count(block, above); index++)
         for (int i = 0; r == 0 && i < block->rows[above][index].cols; i++) {
             struct block_tile *tile = &block->tiles[block->rows[above][index].first + i];
-            const int32_t *parent_symbols = NULL;
+            const struct block_tile *parent = NULL;
             if (!tile->exists)
                 continue;
             if (!alone)
-                parent_symbols = tile_at(block, above + 1, index / 2,
-                                         grid_parent(block->grid, tile->record.id).col)
-                                     ->symbols;
-            r = tile_record_encode(&tile->record, block->grid, tile->symbols, parent_symbols);
+                parent = tile_at(block, above + 1, index / 2,
+                                 grid_parent(block->grid, tile->record.id).col);
+            assert(alone || parent);
+            r = tile_record_encode(&tile->record, block->grid, tile->symbols,
+                                   parent ? parent->symbols : NULL);
         }
     return r;
 }

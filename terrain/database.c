@@ -114,7 +114,7 @@ int database_open(const char *path, struct database **ret_database, struct diag 
 {
     struct database *database = NULL;
     int r = database_open_any(path, &database, diag);
-    if (r == 0 && database->part)
+    if (database && database->part)
         r = refuse_part(database, diag);
     if (r == 0)
         *ret_database = database;

@@ -173,7 +173,7 @@ int database_info(struct database *database, struct database_info *ret_info, str
         r = database_extent_of(database, &extent, diag);
     if (r == 0)
         r = fill_sources(database, &info, diag);
-    if (r < 0) {
+    if (r != 0) {
         database_info_finish(&info);
         return r;
     }

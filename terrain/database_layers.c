@@ -250,7 +250,7 @@ static int copy_layers(struct database *output, struct database *from, struct di
 {
     struct database_layers layers;
     int r = database_list_layers(from, &layers, diag);
-    if (r < 0)
+    if (r != 0)
         return r;
     r = database_set_layers(output, &layers, diag);
     database_layers_finish(&layers);

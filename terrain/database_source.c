@@ -185,6 +185,7 @@ struct dig *dig_of_source(struct terrain_source *source)
 void database_source_share_dig(struct terrain_source *source, struct dig *dig)
 {
     struct database_core *core = core_of(source);
+    assert(core);
     dig_close(core->own_dig);
     core->own_dig = NULL;
     core->dig = dig;

@@ -114,7 +114,7 @@ int dig_writer_open(const char *path, struct dig_writer **ret_writer, struct dia
         if (r == 0)
             replace_index(writer, &index, UINT32_MAX);
     }
-    if (r < 0) {
+    if (r != 0) {
         dig_writer_close(writer);
         return r == -ENOMEM ? diag_set(diag, r, "%s: out of memory", path) : r;
     }

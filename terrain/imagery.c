@@ -81,6 +81,7 @@ void imagery_close(struct imagery *imagery)
     if (!imagery)
         return;
     for (unsigned i = 0; i < imagery->slot_count; i++)
+        /* NOLINTNEXTLINE(clang-analyzer-core.NullDereference): without slots none are counted */
         free(imagery->slots[i].rgba);
     free(imagery->slots);
     free(imagery->sums);
@@ -283,7 +284,7 @@ static struct slot *nearest_slot(struct imagery *imagery, const struct database_
 static struct slot *layer_slot(struct imagery *imagery, const struct database_layer *layer,
                                struct tile_id id)
 {
-    struct tile_id at;
+    struct tile_id at = id;
     int64_t key = image_key(layer->id, id);
     struct slot *target, *slot;
     if (*bare_place(imagery, key) == key)

@@ -178,7 +178,7 @@ static int number_sources(struct import_job *job, struct diag *diag)
 static int make_part(struct import_job *job, struct diag *diag)
 {
     struct database_import *imports =
-        malloc((job->import_count + job->source_count) * sizeof(*imports));
+        malloc((job->import_count + job->source_count + 1) * sizeof(*imports));
     size_t count = 0;
     if (!imports)
         return -ENOMEM;

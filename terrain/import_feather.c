@@ -172,8 +172,8 @@ static int find_seams(struct part *part, struct open_cells *open)
         const struct database_import *import =
             old < stack->old_count ? &job->imports[stack->old_order[old]] : NULL;
         size_t index = next < stack->count ? stack->order[next] : 0;
-        if (next < stack->count &&
-            (!import || job->sources[index].options->priority >= import->info.priority)) {
+        if (!import || (next < stack->count &&
+                        job->sources[index].options->priority >= import->info.priority)) {
             if (index == part->upper)
                 lower = true;
             else

@@ -306,6 +306,7 @@ static void place_taps(double position, double width, int64_t begin, int64_t end
     }
     ret_taps->covered = inside > 0.0 ? inside / all : 0.0;
     for (int64_t i = ret_taps->first; i <= ret_taps->last; i++)
+        /* NOLINTNEXTLINE(clang-analyzer-core.uninitialized.Assign): all are set above */
         ret_taps->weights[i - ret_taps->first] /= sum;
 }
 
@@ -359,7 +360,7 @@ static int add_part(struct raster *raster, const struct bands *bands,
     }
     int r = fill_window(raster, bands, &window, diag);
     static const bool no_pole[2] = {false, false};
-    struct taps x, y;
+    struct taps x, y = {.covered = 0.0};
     double held_y = NAN; /* where `y` is: often the same all along a row */
     for (int i = 0; r == 0 && i < part->rows * part->cols; i++) {
         int row = part->row + i / part->cols, col = part->col + i % part->cols;

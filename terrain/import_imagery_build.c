@@ -347,6 +347,7 @@ static void spread_items(struct run *run)
         deeper = false;
         for (unsigned i = 0; i < first_new; i++) {
             struct tile_id children[4], id = run->items[i];
+            /* NOLINTNEXTLINE(clang-analyzer-core.CallAndMessage): what is counted is set */
             int count = image_grid_children(build->grid, id, children), added = 0;
             for (int j = 0; j < count; j++)
                 if (reaches(run, children[j], build->order, build->count)) {

@@ -20,7 +20,7 @@ struct merge {
 static int check_shards(struct merge *merge, const char *const *paths,
                         struct database_params *first, struct diag *diag)
 {
-    bool *seen = calloc(merge->count, sizeof(*seen));
+    bool *seen = calloc(merge->count + 1, sizeof(*seen));
     int r = seen ? 0 : -ENOMEM;
     for (size_t i = 0; r == 0 && i < merge->count; i++) {
         struct database_params params;

@@ -15,6 +15,7 @@ typedef int32_t signed_lanes __attribute__((vector_size(16)));
 static inline __attribute__((always_inline)) void add_form(const int32_t *const *taps,
                                                            uint32_t weight, int at, lanes *sum)
 {
+    /* NOLINTNEXTLINE(clang-analyzer-core.UndefinedBinaryOperatorResult): find_taps sets all four */
     lanes form = LOAD(taps[0] + at) + LOAD(taps[1] + at) - LOAD(taps[2] + at) - LOAD(taps[3] + at);
     lanes negative = (lanes)((signed_lanes)form >> 31);
     lanes size = ((form ^ negative) - negative) << 4;

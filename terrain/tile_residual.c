@@ -1,5 +1,6 @@
 #include "terrain/tile_residual.h"
 
+#include <assert.h>
 #include <string.h>
 
 #define RUN TILE_RESIDUAL_RUN
@@ -145,6 +146,7 @@ static uint32_t get_bits(const uint32_t *words, int i, int width)
 
 static void put_run(const struct run *run, const int32_t *symbols, int width, uint32_t *words)
 {
+    assert(width <= 32);
     memset(words, 0, (size_t)width * sizeof(*words));
     for (int i = 0; i < run->count && width > 0; i++) {
         int32_t symbol = symbols[run->posts[i]];

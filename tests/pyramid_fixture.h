@@ -81,7 +81,7 @@ static inline bool pyramid_read(struct pyramid_level *level, const char *path,
     double nodata = GDALGetRasterNoDataValue(band, &has_nodata);
     double *line = malloc((size_t)width * sizeof(*line));
     *level = (struct pyramid_level){NULL, width, height};
-    level->symbols = malloc((size_t)width * (size_t)height * sizeof(int32_t));
+    level->symbols = calloc((size_t)width * (size_t)height, sizeof(int32_t));
     bool good = line && level->symbols;
     for (int row = 0; good && row < height; row++) {
         good = GDALRasterIO(band, GF_Read, 0, row, width, 1, line, width, 1, GDT_Float64, 0, 0) ==
@@ -102,7 +102,7 @@ static inline bool pyramid_load(struct pyramid *pyramid, const char *folder,
     char path[1024];
     bool zipped = strstr(raster->name, ".zip/") != NULL;
     snprintf(path, sizeof(path), "%s%s/%s", zipped ? "/vsizip/" : "", folder, raster->name);
-    pyramid->count = 0;
+    *pyramid = (struct pyramid){.count = 0};
     bool good = pyramid_read(&pyramid->levels[0], path, raster);
     pyramid->count = 1;
     while (good && (pyramid->levels[pyramid->count - 1].width > TILE_POSTS ||
