@@ -1,11 +1,14 @@
-/* Recordings as files among others: those of earlier runs give way, nobody else's do. */
+/* Recordings as files among others: those of earlier runs give way, nobody else's do; and one that
+ * shrinks while it is read harms nobody. */
 #include <errno.h>
 #include <fcntl.h>
 #include <glob.h>
 #include <stdlib.h>
 #include <sys/stat.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
+#include "io/flight.h"
 #include "io/otwlog.h"
 #include "io/otwlog_room.h"
 #include "tests/check.h"
@@ -139,11 +142,56 @@ static void runs_share_one_limit(void)
     CHECK(otwlog_make_room(directory, 0) > 0);
 }
 
+/* Loads the file again and again while it is cut to nothing and grows again. */
+static void load_for_a_while(const char *path)
+{
+    static const struct flight_params params = {.geoid = {.undulation_m = NULL}};
+    for (int i = 0; i < 300; i++) {
+        struct flight *flight = NULL;
+        if (flight_load(path, &params, &flight, NULL) == 0)
+            flight_destroy(flight);
+    }
+    _exit(0);
+}
+
+static void a_file_that_shrinks_while_it_is_read_harms_nobody(void)
+{
+    static const uint8_t packet[4000];
+    const struct otwlog_params params = {.directory = directory, .max_mib = 64};
+    struct otwlog_writer *writer = NULL;
+    char path[4096];
+    int status = 0;
+    CHECK_INT(otwlog_create(&params, &writer, NULL), 0);
+    if (!writer)
+        return;
+    for (int i = 0; i < 900; i++)
+        CHECK(otwlog_add_packet(writer, 0, packet, sizeof(packet), i));
+    CHECK_INT(otwlog_flush(writer, NULL), 0);
+    snprintf(path, sizeof(path), "%s", otwlog_path(writer));
+    otwlog_destroy(writer);
+    struct stat whole;
+    CHECK_INT(stat(path, &whole), 0);
+    pid_t child = fork();
+    if (child == 0)
+        load_for_a_while(path);
+    while (waitpid(child, &status, WNOHANG) == 0) {
+        /* The head stays, so that it goes on being a recording. */
+        CHECK_INT(truncate(path, 4096 + 64), 0);
+        usleep(200);
+        CHECK_INT(truncate(path, whole.st_size), 0);
+        usleep(200);
+    }
+    CHECK(WIFEXITED(status) && WEXITSTATUS(status) == 0);
+    unlink(path);
+}
+
 static const struct check_test tests[] = {
     {"the oldest recordings give way", the_oldest_give_way},
     {"what is not a recording stays", what_is_not_ours_stays},
     {"what somebody writes stays", what_somebody_writes_stays},
     {"runs share one limit", runs_share_one_limit},
+    {"a file that shrinks while it is read harms nobody",
+     a_file_that_shrinks_while_it_is_read_harms_nobody},
 };
 
 int main(void)
