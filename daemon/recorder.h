@@ -7,7 +7,7 @@
 
 struct recorder_params {
     const char *directory; /* made where it is missing */
-    unsigned max_mib;
+    unsigned max_mib;      /* of all recordings there */
 };
 
 struct recorder;

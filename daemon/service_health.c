@@ -66,7 +66,7 @@ static void recorder_faults(struct service *service, nsec_t now_ns)
     service->health.recorder_good = !status.failed;
     service_set_fault(service, FAULT_RECORDER_FAILED, status.failed, diag.text);
     service_set_fault(service, FAULT_RECORDER_FULL, status.removed > 0,
-                      "the recording has reached record.max_mib: its oldest file is removed");
+                      "the recordings have reached record.max_mib: the oldest are removed");
     service_set_fault(service, FAULT_RECORDER_BEHIND,
                       service->behind_ns && now_ns - service->behind_ns < HOLD_NS,
                       "records were dropped because the disk is too slow");

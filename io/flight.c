@@ -5,7 +5,6 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -164,6 +163,32 @@ int flight_load_memory(const char *name, const void *data, size_t size,
     return 0;
 }
 
+/* Into memory, not mapped: a file that shrinks while it is read would end the program by SIGBUS. So
+ * many bytes as it had to begin with, or fewer where it has shrunk. */
+static int read_whole(int fd, size_t size, uint8_t **ret_data, size_t *ret_size)
+{
+    uint8_t *data = malloc(size ? size : 1);
+    size_t have = 0;
+    if (!data)
+        return -ENOMEM;
+    while (have < size) {
+        ssize_t n = read(fd, data + have, size - have);
+        if (n < 0 && errno == EINTR)
+            continue;
+        if (n < 0) {
+            int r = -errno;
+            free(data);
+            return r;
+        }
+        if (n == 0)
+            break;
+        have += (size_t)n;
+    }
+    *ret_data = data;
+    *ret_size = have;
+    return 0;
+}
+
 int flight_load(const char *path, const struct flight_params *params, struct flight **ret_flight,
                 struct diag *diag)
 {
@@ -178,18 +203,15 @@ int flight_load(const char *path, const struct flight_params *params, struct fli
     }
     if (r == 0 && st.st_size > FILE_MAX_BYTES)
         r = -EFBIG;
-    void *data = NULL;
-    if (r == 0 && st.st_size > 0) {
-        data = mmap(NULL, (size_t)st.st_size, PROT_READ, MAP_PRIVATE, fd, 0);
-        if (data == MAP_FAILED)
-            r = -errno;
-    }
+    uint8_t *data = NULL;
+    size_t size = 0;
+    if (r == 0)
+        r = read_whole(fd, (size_t)st.st_size, &data, &size);
     close(fd);
     if (r < 0)
         return diag_set(diag, r, "%s: %s", path, strerror(-r));
-    r = flight_load_memory(path, data ? data : "", (size_t)st.st_size, params, ret_flight, diag);
-    if (data)
-        munmap(data, (size_t)st.st_size);
+    r = flight_load_memory(path, data, size, params, ret_flight, diag);
+    free(data);
     return r;
 }
 

@@ -55,7 +55,7 @@ int otwlog_pose_decode(const struct otwlog_record *record, struct pose *ret_pose
 
 struct otwlog_params {
     const char *directory; /* must exist; files are otwd-YYYYMMDDThhmmssZ-NNN.otwlog */
-    unsigned max_mib;      /* of all files of this writer; the oldest are removed; 0 = 1024 */
+    unsigned max_mib;      /* of all recordings there; the oldest are removed; 0 = 1024 */
     size_t ring_bytes;     /* 0 = 4 MiB */
 };
 

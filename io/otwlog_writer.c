@@ -1,6 +1,7 @@
 /* A byte ring between the thread that receives and the one that writes, and a chain of files. All
- * files together stay within max_mib: each may take an eighth, and the ninth-last is removed. A new
- * file begins with the sources again, so that each can be read alone. */
+ * recordings in the directory together stay within max_mib: each may take an eighth, and before one
+ * is begun the oldest give way to it. A new file begins with the sources again, so that each can be
+ * read alone. */
 #include <assert.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -15,8 +16,9 @@
 #include "io/crc32.h"
 #include "io/otwlog.h"
 #include "io/otwlog_format.h"
+#include "io/otwlog_room.h"
 
-#define FILES_KEPT         8
+#define FILE_SHARE         8
 #define NUMBER_MAX         999999
 #define FLAGS              (O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_APPEND)
 #define MAX_MIB_DEFAULT    1024
@@ -39,9 +41,7 @@ struct otwlog_writer {
     /* the rest belongs to the flushing thread */
     char directory[PATH_BYTES - 64], stem[32], path[PATH_BYTES];
     int fd;
-    unsigned number;           /* of the file now written */
-    unsigned kept[FILES_KEPT]; /* the numbers of this run's files; 0: none yet */
-    size_t files;              /* begun */
+    unsigned number; /* of the file now written */
     size_t file_bytes, file_limit;
     struct source_record sources[ARBITER_SOURCES_MAX];
 };
@@ -73,27 +73,36 @@ static int append(struct otwlog_writer *writer, const uint8_t *data, size_t size
     return r;
 }
 
+/* Opens the next file whose name is free, and holds it. */
+static int open_next(struct otwlog_writer *writer)
+{
+    while (writer->number < NUMBER_MAX) { /* others may have begun in the same second */
+        path_of(writer, ++writer->number, writer->path);
+        int fd = open(writer->path, FLAGS, 0644);
+        if (fd < 0 && errno != EEXIST)
+            return -errno;
+        if (fd >= 0 && otwlog_hold(fd) == 0)
+            return fd;
+        if (fd >= 0)
+            close(fd);
+    }
+    return -EEXIST;
+}
+
 static int begin_file(struct otwlog_writer *writer, struct diag *diag)
 {
     if (writer->fd >= 0)
         close(writer->fd);
-    unsigned *oldest_number = &writer->kept[writer->files % FILES_KEPT];
-    if (*oldest_number) {
-        char oldest[PATH_BYTES];
-        path_of(writer, *oldest_number, oldest);
-        if (unlink(oldest) == 0)
-            atomic_fetch_add_explicit(&writer->removed, 1, memory_order_relaxed);
-    }
-    *oldest_number = 0;
-    path_of(writer, ++writer->number, writer->path);
+    /* Where the directory cannot be listed now, it is when the next file begins. */
+    int removed =
+        otwlog_make_room(writer->directory, writer->file_limit * (uint64_t)(FILE_SHARE - 1));
+    if (removed > 0)
+        atomic_fetch_add_explicit(&writer->removed, (uint64_t)removed, memory_order_relaxed);
     writer->file_bytes = 0;
-    while ((writer->fd = open(writer->path, FLAGS, 0644)) < 0 && errno == EEXIST &&
-           writer->number < NUMBER_MAX) /* of a run that began in the same second */
-        path_of(writer, ++writer->number, writer->path);
+    writer->fd = open_next(writer);
     if (writer->fd < 0)
-        return diag_set(diag, -errno, "%s: cannot record: %s", writer->path, strerror(errno));
-    *oldest_number = writer->number;
-    writer->files++;
+        return diag_set(diag, writer->fd, "%s: cannot record: %s", writer->path,
+                        strerror(-writer->fd));
     uint8_t head[OTWLOG_HEADER_SIZE] = OTWLOG_MAGIC;
     struct byte_writer out = {.data = head, .size = sizeof(head), .offset = 8};
     byte_writer_put(&out, OTWLOG_VERSION, 4, false);
@@ -126,7 +135,7 @@ int otwlog_create(const struct otwlog_params *params, struct otwlog_writer **ret
     if (writer->ring) /* from now on, not little by little: memory that grows looks like a leak */
         memset(writer->ring, 0xff, writer->ring_size);
     size_t max_mib = params->max_mib ? params->max_mib : MAX_MIB_DEFAULT;
-    writer->file_limit = (max_mib << 20) / FILES_KEPT;
+    writer->file_limit = (max_mib << 20) / FILE_SHARE;
     snprintf(writer->directory, sizeof(writer->directory), "%s", params->directory);
     time_t now = (time_t)(clock_realtime_ns() / NSEC_PER_SEC);
     struct tm utc;
