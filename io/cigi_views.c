@@ -2,6 +2,7 @@
 #include "io/cigi_scene_internal.h"
 
 enum { USE_NEAR = 1, USE_FAR = 2, USE_LEFT = 4, USE_RIGHT = 8, USE_TOP = 16, USE_BOTTOM = 32 };
+#define USE_EDGES (USE_LEFT | USE_RIGHT | USE_TOP | USE_BOTTOM)
 
 static void turn_view(struct cigi_view *view, const struct cigi_view_control *control)
 {
@@ -43,6 +44,11 @@ static int take_view_definition(struct cigi_scene *scene, const struct cigi_view
     const struct cigi_view_definition *before =
         was ? &was->definition : &scene->own_view.definition;
     struct cigi_view_definition next = *given;
+    bool other = !given->orthographic != !before->orthographic;
+    if (other && (given->use & USE_EDGES) != USE_EDGES)
+        return reject(ret_rejection, REJECT_RANGE, 0,
+                      "view %u: another projection wants all four edges, in %s", given->view,
+                      given->orthographic ? "metres" : "degrees");
     next.near_m = given->use & USE_NEAR ? given->near_m : before->near_m;
     next.far_m = given->use & USE_FAR ? given->far_m : before->far_m;
     next.left = given->use & USE_LEFT ? given->left : before->left;

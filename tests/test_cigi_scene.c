@@ -426,6 +426,34 @@ static void test_views(void)
     pair_end();
 }
 
+/* Edges in degrees are none in metres, nor the other way round. */
+static void test_projection(void)
+{
+    struct cigi_packet parallel = {.kind = CIGI_VIEW_DEFINITION};
+    struct cigi_view_definition *d = &parallel.view_definition;
+    *d = (struct cigi_view_definition){.view = 1,
+                                       .use = 0x34, /* the right edge is not enabled */
+                                       .orthographic = 1,
+                                       .left = -40.0f,
+                                       .right = 40.0f,
+                                       .top = 30.0f,
+                                       .bottom = -30.0f};
+    pair_operate(little_3);
+    CHECK(exchange(&parallel) == CIGI_PARTLY && talk.why.reason == REJECT_RANGE);
+    d->use |= 0x08;
+    CHECK_INT(exchange(&parallel), 0);
+    d->use = 0x04; /* the same projection: the others are as they were */
+    d->left = -50.0f;
+    CHECK_INT(exchange(&parallel), 0);
+    CHECK_NEAR(cigi_scene_view(scene(), 1)->definition.right, 40.0, 0.0);
+    d->orthographic = 0;
+    CHECK(exchange(&parallel) == CIGI_PARTLY && talk.why.reason == REJECT_RANGE);
+    CHECK(cigi_scene_view(scene(), 1)->definition.orthographic);
+    d->use = 0x3c;
+    CHECK_INT(exchange(&parallel), 0);
+    pair_end();
+}
+
 static void test_sky(void)
 {
     struct cigi_packet sky = {.kind = CIGI_CELESTIAL};
@@ -532,6 +560,7 @@ int main(void)
         {"4.0 makes an entity and places it apart", test_entities_4},
         {"any finite angle is taken", test_any_angles},
         {"views are attached, offset, turned alone and in groups", test_views},
+        {"another projection wants edges of its own", test_projection},
         {"date and time run as the host says", test_sky},
         {"components, parts and regions are kept", test_stored},
         {"what a host can make has its limits", test_limits},
