@@ -1,6 +1,6 @@
 #!/bin/sh
-# A CIGI host in synchronous operation that is late, or answers a frame before: no frame is started by an answer
-# to another one, none waits for longer than it may, and once the host is in step again its frames are shown.
+# A CIGI host in synchronous operation that is late, or answers a frame before: no frame is started by what
+# answers another one, none waits longer than it may, and once the host is in step its frames are shown.
 . "$(dirname "$0")/common.sh"
 
 port=$(free_port)
