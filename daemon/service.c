@@ -76,8 +76,23 @@ static int on_tick(sd_event_source *event, uint64_t usec, void *data)
     if (service->window && window_poll(service->window))
         service_fail(service, FAULT_WINDOW_LOST, "the window was closed");
     uint64_t next_usec = (uint64_t)((now_ns + TICK_NS) / NSEC_PER_USEC);
-    int r = sd_event_source_set_time(event, next_usec);
-    return r < 0 ? r : sd_event_source_set_enabled(event, SD_EVENT_ONESHOT);
+    /* A callback that fails is never called again. Where the next time cannot be set this one
+     * stands, and the next tick comes at once. */
+    (void)sd_event_source_set_time(event, next_usec);
+    return 0;
+}
+
+/* Ticks from now on, for as long as there is the loop. */
+static int start_ticks(struct service *service)
+{
+    sd_event_source *event = NULL;
+    int r = sd_event_add_time(service->loop, &event, CLOCK_MONOTONIC, 0, 1000, on_tick, service);
+    if (r >= 0)
+        r = sd_event_source_set_enabled(event, SD_EVENT_ON);
+    if (r >= 0)
+        r = sd_event_source_set_floating(event, 1);
+    sd_event_source_unref(event);
+    return r;
 }
 
 /* All threads inherit the mask: signals reach nobody but the loop. */
@@ -94,7 +109,7 @@ static int make_loop(struct service *service, struct diag *diag)
     for (size_t i = 0; r >= 0 && i < sizeof(signals) / sizeof(signals[0]); i++)
         r = sd_event_add_signal(service->loop, NULL, signals[i], on_signal, service);
     if (r >= 0)
-        r = sd_event_add_time(service->loop, NULL, CLOCK_MONOTONIC, 0, 1000, on_tick, service);
+        r = start_ticks(service);
     return r < 0 ? diag_set(diag, r, "no event loop: %s", strerror(-r)) : 0;
 }
 

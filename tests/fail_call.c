@@ -7,14 +7,16 @@
  * FAIL_SITE (hexadecimal; optional) counts only the calls that return to that place of the
  * program, whichever thread is first. FAIL_AT is the number of the call that fails, from 1 on, 0
  * for none; where FAIL_ONWARD is set those after it fail, too. FAIL_AFTER_S: calls count from then
- * on. FAIL_LIST is a file that receives at exit, or when the program is stopped in order, a line
- * "site calls" for each place that asked. FAIL_DONE is a file that is there once a call has failed.
+ * on. FAIL_WHILE: calls count while there is a file of that name. FAIL_LIST is a file that receives
+ * at exit, or when the program is stopped in order, a line "site calls" for each place that asked.
+ * FAIL_DONE is a file that is there once a call has failed.
  */
 #include <dlfcn.h>
 #include <epoxy/egl.h>
 #include <epoxy/gl.h>
 #include <errno.h>
 #include <link.h>
+#include <stdarg.h>
 #include <stdatomic.h>
 #include <stdbool.h>
 #include <stdint.h>
@@ -22,6 +24,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
+#include <unistd.h>
 
 #define EXPORT    __attribute__((visibility("default")))
 #define SITES_MAX 2048
@@ -42,6 +45,7 @@ static struct {
     bool onward;
     const char *done;
     double after_s;
+    const char *during;
     atomic_ulong calls;
     atomic_bool has_failed;
     struct {
@@ -104,6 +108,8 @@ static bool fails(enum class class, const void *return_address)
     uintptr_t site = caller - state.counted.base;
     if (state.after_s > 0.0 && now_s() < state.after_s)
         return false;
+    if (state.during && access(state.during, F_OK) != 0)
+        return false;
     note_site(site);
     if (state.site && site != state.site)
         return false;
@@ -141,6 +147,25 @@ FAILING(MEMORY, void *, aligned_alloc, ENOMEM, NULL, (size_t alignment, size_t s
 FAILING(MEMORY, char *, strdup, ENOMEM, NULL, (const char *text), (text))
 FAILING(MEMORY, int, vasprintf, ENOMEM, -1, (char **text, const char *format, va_list list),
         (text, format, list))
+EXPORT int fail_asprintf(char **text, const char *format, ...) __asm__("asprintf");
+EXPORT int fail_asprintf(char **text, const char *format, ...)
+{
+    va_list list;
+    if (fails(MEMORY, HERE)) {
+        errno = ENOMEM;
+        return -1;
+    }
+    va_start(list, format);
+    int length = vsnprintf(NULL, 0, format, list);
+    va_end(list);
+    *text = length < 0 ? NULL : calloc(1, (size_t)length + 1);
+    if (!*text)
+        return -1;
+    va_start(list, format);
+    vsnprintf(*text, (size_t)length + 1, format, list);
+    va_end(list);
+    return length;
+}
 FAILING(MEMORY, void *, mmap64, ENOMEM, (void *)-1,
         (void *at, size_t size, int prot, int flags, int fd, long offset),
         (at, size, prot, flags, fd, offset))
@@ -160,6 +185,10 @@ FAILING(FILES, long, pwrite64, ENOSPC, -1, (int fd, const void *bytes, size_t si
         (fd, bytes, size, offset))
 FAILING(FILES, size_t, fread, EIO, 0, (void *bytes, size_t size, size_t count, void *file),
         (bytes, size, count, file))
+FAILING(FILES, size_t, fwrite, ENOSPC, 0,
+        (const void *bytes, size_t size, size_t count, void *file), (bytes, size, count, file))
+FAILING(FILES, char *, fgets, EIO, NULL, (char *text, int size, void *file), (text, size, file))
+FAILING(FILES, int, mkstemp64, EACCES, -1, (char *path), (path))
 FAILING(FILES, int, fflush, ENOSPC, -1, (void *file), (file))
 FAILING(FILES, int, fsync, EIO, -1, (int fd), (fd))
 FAILING(FILES, int, fdatasync, EIO, -1, (int fd), (fd))
@@ -201,6 +230,10 @@ FAILING(SOCKET, int, epoll_ctl, ENOMEM, -1, (int fd, int operation, int of, void
         (fd, operation, of, event))
 FAILING(SOCKET, int, eventfd, EMFILE, -1, (unsigned count, int flags), (count, flags))
 FAILING(SOCKET, int, timerfd_create, EMFILE, -1, (int clock, int flags), (clock, flags))
+FAILING(SOCKET, int, getsockopt, ENOBUFS, -1,
+        (int fd, int level, int name, void *value, unsigned *size), (fd, level, name, value, size))
+FAILING(SOCKET, unsigned, if_nametoindex, ENODEV, 0, (const char *name), (name))
+FAILING(SOCKET, int, pipe, EMFILE, -1, (int *fds), (fds))
 FAILING(SOCKET, int, pipe2, EMFILE, -1, (int *fds, int flags), (fds, flags))
 FAILING(SOCKET, int, sd_event_new, ENOMEM, -ENOMEM, (void **ret), (ret))
 FAILING(SOCKET, int, sd_event_add_io, ENOMEM, -ENOMEM,
@@ -213,6 +246,11 @@ FAILING(SOCKET, int, sd_event_add_time, ENOMEM, -ENOMEM,
 FAILING(SOCKET, int, sd_event_add_signal, ENOMEM, -ENOMEM,
         (void *loop, void **ret, int number, void *callback, void *data),
         (loop, ret, number, callback, data))
+
+FAILING(SOCKET, int, sd_event_source_set_time, ENOMEM, -ENOMEM, (void *of, uint64_t usec),
+        (of, usec))
+FAILING(SOCKET, int, sd_event_source_set_enabled, ENOMEM, -ENOMEM, (void *of, int enabled),
+        (of, enabled))
 
 /* libepoxy's entry points are variables, which are set to the driver's at each one's first call.
  * Only the thread that draws calls them. What fails has made nothing, and says that memory has run
@@ -334,6 +372,7 @@ __attribute__((constructor)) static void begin(void)
     state.onward = getenv("FAIL_ONWARD") != NULL;
     state.done = getenv("FAIL_DONE");
     state.after_s = getenv("FAIL_AFTER_S") ? now_s() + atof(getenv("FAIL_AFTER_S")) : 0.0;
+    state.during = getenv("FAIL_WHILE");
     hook_gl();
     for (int i = 0; class && i < CLASSES; i++)
         if (strcmp(class + (sqlite ? 7 : 0), class_names[i]) == 0)
