@@ -7,24 +7,39 @@
 #include <sys/stat.h>
 
 #define FLUSH_NS (50 * NSEC_PER_MSEC)
+#define RETRY_NS NSEC_PER_SEC /* after a failure */
 
 struct recorder {
     struct otwlog_writer *writer;
-    atomic_bool stopping, failed; /* `failed` makes `diag` visible */
+    atomic_bool stopping;
+    pthread_mutex_t lock; /* of these two */
+    bool failed;
     struct diag diag;
     bool has_thread;
     pthread_t thread;
 };
 
+static bool flush(struct recorder *recorder)
+{
+    struct diag diag = {0};
+    bool failed = otwlog_flush(recorder->writer, &diag) < 0;
+    pthread_mutex_lock(&recorder->lock);
+    recorder->failed = failed;
+    recorder->diag = diag;
+    pthread_mutex_unlock(&recorder->lock);
+    return !failed;
+}
+
+/* What comes between two tries of a disk that fails waits in the ring, as far as there is room. */
 static void *recorder_main(void *data)
 {
     struct recorder *recorder = data;
+    nsec_t next_ns = 0;
     while (!atomic_load(&recorder->stopping)) {
-        clock_sleep_until(clock_monotonic_ns() + FLUSH_NS);
-        if (otwlog_flush(recorder->writer, &recorder->diag) < 0) {
-            atomic_store(&recorder->failed, true);
-            break;
-        }
+        nsec_t now_ns = clock_monotonic_ns();
+        if (now_ns >= next_ns)
+            next_ns = flush(recorder) ? 0 : now_ns + RETRY_NS;
+        clock_sleep_until(now_ns + FLUSH_NS);
     }
     return NULL;
 }
@@ -39,6 +54,7 @@ int recorder_open(const struct recorder_params *params, struct recorder **ret_re
     struct recorder *recorder = calloc(1, sizeof(*recorder));
     if (!recorder)
         return diag_set(diag, -ENOMEM, "%s: no memory to record", params->directory);
+    pthread_mutex_init(&recorder->lock, NULL);
     int r = otwlog_create(&log, &recorder->writer, diag);
     if (r == 0) {
         r = -pthread_create(&recorder->thread, NULL, recorder_main, recorder);
@@ -64,6 +80,7 @@ void recorder_close(struct recorder *recorder)
     if (recorder->has_thread)
         pthread_join(recorder->thread, NULL);
     otwlog_destroy(recorder->writer);
+    pthread_mutex_destroy(&recorder->lock);
     free(recorder);
 }
 
@@ -72,15 +89,18 @@ struct otwlog_writer *recorder_writer(struct recorder *recorder)
     return recorder->writer;
 }
 
-void recorder_status(const struct recorder *recorder, struct recorder_status *ret_status,
+void recorder_status(struct recorder *recorder, struct recorder_status *ret_status,
                      struct diag *ret_diag)
 {
+    pthread_mutex_lock(&recorder->lock);
+    bool failed = recorder->failed;
+    if (failed)
+        *ret_diag = recorder->diag;
+    pthread_mutex_unlock(&recorder->lock);
     *ret_status = (struct recorder_status){
-        .failed = atomic_load(&recorder->failed),
+        .failed = failed,
         .recorded = otwlog_written(recorder->writer),
         .dropped = otwlog_dropped(recorder->writer),
         .removed = otwlog_removed(recorder->writer),
     };
-    if (ret_status->failed)
-        *ret_diag = recorder->diag;
 }

@@ -23,12 +23,12 @@ void recorder_close(struct recorder *recorder);
 struct otwlog_writer *recorder_writer(struct recorder *recorder);
 
 struct recorder_status {
-    bool failed;       /* the disk refused a write: nothing is written any more */
+    bool failed;       /* the disk refused the last write; it is tried again each second */
     uint64_t recorded; /* records that are in the files */
     uint64_t dropped;
     uint64_t removed; /* files, to stay within max_mib */
 };
 
 /* Event loop. Where it has failed, `ret_diag` says why. */
-void recorder_status(const struct recorder *recorder, struct recorder_status *ret_status,
+void recorder_status(struct recorder *recorder, struct recorder_status *ret_status,
                      struct diag *ret_diag);

@@ -109,8 +109,10 @@ static int begin_file(struct otwlog_writer *writer, struct diag *diag)
     int r = append(writer, head, sizeof(head));
     for (int i = 0; r == 0 && i < ARBITER_SOURCES_MAX; i++)
         r = append(writer, writer->sources[i].bytes, writer->sources[i].size);
-    if (r < 0)
+    if (r < 0) { /* nothing that was recorded is in it */
+        unlink(writer->path);
         return diag_set(diag, r, "%s: cannot record: %s", writer->path, strerror(-r));
+    }
     return 0;
 }
 

@@ -43,6 +43,7 @@ run_failing() {
 run_failing socket 105
 logged 'SOURCE_FAILED is over' || fail "socket: the fault does not end"
 run_failing file 501
+logged 'RECORDER_FAILED is over' || fail "file: the fault does not end"
 for class in memory gl; do
     run_failing "$class" ''
 done
