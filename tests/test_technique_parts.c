@@ -57,53 +57,58 @@ static void a_persistent_grids_parts_each_help(void)
     close_stage(&stage);
 }
 
-/* How near to the truth a technique's picture is of a pose where the eye has rested for so many
- * frames, the view turning from side to side. */
-static struct quality_difference show_resting(struct stage *stage, struct technique *technique,
-                                              struct quality *quality, int pose, int frames)
+static void keep_depth(struct stage *stage, float ret_depth[WIDTH * HEIGHT])
 {
+    uint64_t number;
+    readback_start(stage->scene.depth, renderer_depth_framebuffer(stage->scene.renderer), 0);
+    memcpy(ret_depth, readback_take(stage->scene.depth, true, &number),
+           WIDTH * HEIGHT * sizeof(*ret_depth));
+    readback_release(stage->scene.depth);
+}
+
+/* Of a pose where the eye has rested for so many frames, the view turning from side to side: pixels
+ * that show the sky, or what is farther by a twentieth than the truth. */
+static int count_missed(struct stage *stage, struct technique *technique, int pose, int frames,
+                        const float truth[WIDTH * HEIGHT])
+{
+    static float depth[WIDTH * HEIGHT];
     const struct technique_params params = params_of(stage);
-    struct quality_difference difference = {0};
+    int missed = 0;
     for (int frame = 1 - frames; frame <= 0; frame++) {
         struct view view = flown_view(pose, frame % 2);
         view.eye = pose_view(pose).eye;
         draw(&stage->scene, &view, NULL, NULL, NULL);
         technique_show(technique, &params, stage->scene.renderer, &view, NULL, NULL);
     }
-    CHECK_INT(quality_against_kept(quality, stage->scene.renderer, &difference), 0);
-    return difference;
+    keep_depth(stage, depth);
+    for (int at = 0; at < WIDTH * HEIGHT; at++)
+        missed += depth[at] < 0.95f * truth[at];
+    return missed;
 }
 
+/* By depth alone: how a summit that is no more missed is coloured hangs on its shading. */
 static void a_resting_eye_sees_more_and_more(void)
 {
+    static float truth[WIDTH * HEIGHT];
     struct stage stage;
-    struct technique *reference = NULL, *grid = NULL;
-    struct quality *quality = NULL;
-    struct diag diag = {""};
     if (!open_stage(&stage))
         return;
     const struct technique_params params = params_of(&stage);
-    const struct quality_params quality_params = {WIDTH,           HEIGHT, ASKED_A_POSE,
-                                                  stage.reference, NULL,   stage.field};
-    CHECK_INT(technique_create(technique_find("reference"), &params, &reference, &diag), 0);
-    CHECK_INT(technique_create(&technique_persistent_grid_tweu, &params, &grid, &diag), 0);
-    CHECK_INT(quality_create(&quality_params, &quality, &diag), 0);
-    if (!reference || !grid || !quality)
-        return;
-    const int low = 4; /* along the ground, where summits are missed */
-    CHECK_INT(grid->ops->tune(grid, 40.0), 0);
-    struct view view = pose_view(low);
-    draw(&stage.scene, &view, NULL, NULL, NULL);
-    technique_show(reference, &params, stage.scene.renderer, &view, NULL, NULL);
-    CHECK_INT(quality_keep(quality, stage.scene.renderer), 0);
-    struct quality_difference first = show_resting(&stage, grid, quality, low, 1);
-    struct quality_difference later = show_resting(&stage, grid, quality, low, 40);
-    printf("     %.2f dB, %llu holes at first; %.2f dB, %llu holes after 40 frames\n",
-           first.psnr_db, (unsigned long long)first.holes, later.psnr_db,
-           (unsigned long long)later.holes);
-    CHECK(later.psnr_db > first.psnr_db + 1.0);
-    CHECK(later.holes < first.holes);
-    quality_destroy(quality);
+    struct technique *reference = open_technique(&stage, technique_find("reference"));
+    struct technique *grid = open_technique(&stage, &technique_persistent_grid_tweu);
+    if (reference && grid) {
+        const int low = 4; /* along the ground, where summits are missed */
+        CHECK_INT(grid->ops->tune(grid, 40.0), 0);
+        struct view view = pose_view(low);
+        draw(&stage.scene, &view, NULL, NULL, NULL);
+        technique_show(reference, &params, stage.scene.renderer, &view, NULL, NULL);
+        keep_depth(&stage, truth);
+        int first = count_missed(&stage, grid, low, 1, truth);
+        int later = count_missed(&stage, grid, low, 40, truth);
+        printf("     %d pixels miss ground at first, %d after 40 frames\n", first, later);
+        CHECK(first > 20);
+        CHECK(later < first / 2);
+    }
     technique_destroy(grid);
     technique_destroy(reference);
     close_stage(&stage);
@@ -182,15 +187,6 @@ static void rag_asks_for_geometry_shaders(void)
     CHECK_INT(technique_create(&technique_rag_oblique, &params, &technique, &diag), -ENOTSUP);
     CHECK_CONTAINS(diag.text, "buffers");
     close_stage(&stage);
-}
-
-static void keep_depth(struct stage *stage, float ret_depth[WIDTH * HEIGHT])
-{
-    uint64_t number;
-    readback_start(stage->scene.depth, renderer_depth_framebuffer(stage->scene.renderer), 0);
-    memcpy(ret_depth, readback_take(stage->scene.depth, true, &number),
-           WIDTH * HEIGHT * sizeof(*ret_depth));
-    readback_release(stage->scene.depth);
 }
 
 /* Pixels that show ground where the truth has sky, and nothing else within 2 pixels. */
