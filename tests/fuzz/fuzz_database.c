@@ -1,6 +1,5 @@
-/* A terrain database, all of it: a byte, then the file. Where the byte is odd its checksums are
- * made right first, as who means harm would. What opens can be asked everything, and every answer
- * is a height, nothing, or a sentence. */
+/* A terrain database, all of it: a byte of enum circumstance, then the file. What opens can be
+ * asked everything, and every answer is a height, nothing, or a sentence. */
 #include <fcntl.h>
 #include <math.h>
 #include <stdio.h>
@@ -11,21 +10,37 @@
 
 #include "base/bytes.h"
 #include "terrain/database_internal.h"
+#include "terrain/database_writer.h"
 #include "terrain/dig.h"
 #include "terrain/imagery.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
-static char path[64];
+/* What the first byte says. */
+enum circumstance {
+    SEALED = 1,      /* checksums are made right first, as who means harm would */
+    READ_ONLY = 2,   /* as on a medium where SQLite can make no files beside it */
+    JOURNAL = 4,     /* the file's second half lies beside it as what was written last */
+    LOCKED = 8,      /* another program writes it */
+    UNFINISHED = 16, /* there is only the part that an import has left, if any */
+    MEMORY = 0xe0,   /* SQLite has so many times MEMORY_STEP bytes; 0: as many as it likes */
+};
 
-static void write_file(const uint8_t *data, size_t size)
+#define MEMORY_STEP 12288
+
+static char path[64];
+static unsigned circumstances;
+
+static const char *beside(const char *suffix)
 {
-    if (!path[0]) {
-        const char *shared = "/dev/shm"; /* memory, where there is such a place */
-        snprintf(path, sizeof(path), "%s/otwd-fuzz-%d.db",
-                 access(shared, W_OK) == 0 ? shared : "/tmp", (int)getpid());
-    }
-    int fd = open(path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
+    static char name[sizeof(path) + 16];
+    snprintf(name, sizeof(name), "%s%s", path, suffix);
+    return name;
+}
+
+static void write_file(const char *name, const uint8_t *data, size_t size)
+{
+    int fd = open(name, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
     if (fd < 0 || write(fd, data, size) != (ssize_t)size || close(fd) < 0)
         abort();
 }
@@ -198,16 +213,58 @@ static void look(void)
     imagery_close(imagery);
 }
 
+/* Another program in the midst of writing. */
+static sqlite3 *lock_file(void)
+{
+    sqlite3 *sql = NULL;
+    if (sqlite3_open(path, &sql) == SQLITE_OK)
+        sqlite3_exec(sql, "BEGIN EXCLUSIVE", NULL, NULL, NULL);
+    return sql;
+}
+
+static void arrange(const uint8_t *data, size_t size)
+{
+    size_t kept = circumstances & JOURNAL ? size / 2 : size;
+    write_file(path, data, kept);
+    if (circumstances & SEALED)
+        seal();
+    if (circumstances & JOURNAL)
+        write_file(beside("-wal"), data + kept, size - kept);
+    if (circumstances & READ_ONLY &&
+        symlink("/", beside("-shm")) < 0) /* which it does not follow */
+        abort();
+    if (circumstances & UNFINISHED && rename(path, beside(DATABASE_PART_SUFFIX)) < 0)
+        abort();
+    if (circumstances & UNFINISHED && size == 0)
+        remove(beside(DATABASE_PART_SUFFIX));
+}
+
+static void clear(void)
+{
+    static const char *const suffixes[] = {"", "-wal", "-shm", "-journal", DATABASE_PART_SUFFIX};
+    for (size_t i = 0; i < sizeof(suffixes) / sizeof(suffixes[0]); i++)
+        remove(beside(suffixes[i]));
+}
+
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     if (size < 1)
         return 0;
-    write_file(data + 1, size - 1);
-    if (data[0] & 1)
-        seal();
+    if (!path[0]) {
+        const char *shared = "/dev/shm"; /* memory, where there is such a place */
+        snprintf(path, sizeof(path), "%s/otwd-fuzz-%d.db",
+                 access(shared, W_OK) == 0 ? shared : "/tmp", (int)getpid());
+    }
+    circumstances = data[0];
+    arrange(data + 1, size - 1);
+    sqlite3 *writer = circumstances & LOCKED ? lock_file() : NULL;
+    if (circumstances & MEMORY)
+        sqlite3_hard_heap_limit64(sqlite3_memory_used() + (circumstances >> 5) * MEMORY_STEP);
     ask();
     sample();
     look();
-    unlink(path);
+    sqlite3_hard_heap_limit64(0);
+    sqlite3_close(writer);
+    clear();
     return 0;
 }
