@@ -10,7 +10,9 @@
 #define WGS84_A        6378137.0
 #define WGS84_E2       6.69437999014e-3
 #define CONTRAST_LN    3.912   /* ln(1 / 0.02): Koschmieder's constant */
-#define SCALE_HEIGHT_M 7000.0  /* over which the air's haze thins by e */
+#define HAZE_TOP_M     1000.0  /* haze is even up to it */
+#define HAZE_SCALE_M   1500.0  /* and thins by e in so much above */
+#define AIR_SCALE_M    8000.0  /* the same of clear air, from sea level on */
 #define GROUND_TILE_M  65536.0 /* the ground texture's largest tile, about */
 #define SHARPNESS      1e3     /* of parallel rays: the reach at twice the tolerance; a chord */
 #define EDGE           0.05    /* as in shade.glsl */
@@ -88,6 +90,22 @@ static void set_planes(const struct view *view, struct scene_block *scene)
     }
 }
 
+/* Clear air scatters light of 680, 550 and 440 nm by so much at sea level (Bruneton and Neyret
+ * 2008, section 2.1); what is lacking to the visibility is haze, which is grey. A visibility beyond
+ * that of clear air is one of thinner air. `altitude_m`: of where light is seen. */
+static void set_air(double visibility_m, double altitude_m, struct scene_block *scene)
+{
+    static const double clear[3] = {5.8e-6, 13.5e-6, 33.1e-6};
+    double extinction = CONTRAST_LN / visibility_m;
+    double share = fmin(1.0, extinction / clear[1]);
+    double above_m = fmax(altitude_m - HAZE_TOP_M, 0.0);
+    scene->haze[0] = (float)(extinction - share * clear[1]);
+    scene->haze[1] = (float)(altitude_m - above_m + HAZE_SCALE_M * -expm1(-above_m / HAZE_SCALE_M));
+    for (int i = 0; i < 3; i++)
+        scene->air[i] = (float)(share * clear[i]);
+    scene->air[3] = (float)(AIR_SCALE_M * -expm1(-altitude_m / AIR_SCALE_M));
+}
+
 void scene_set_view(const struct view *view, struct scene_block *ret_scene)
 {
     struct scene_block *scene = ret_scene;
@@ -112,9 +130,7 @@ void scene_set_view(const struct view *view, struct scene_block *ret_scene)
         scene->sun[i] = (float)view->sun_enu[i];
     double up = view->sun_enu[2];
     scene->sun[3] = (float)fmin(fmax((up + 0.02) / 0.12, 0.0), 1.0);
-    scene->haze[0] = (float)(CONTRAST_LN / view->visibility_m *
-                             exp(-(altitude_m + view->air_rise_m) / SCALE_HEIGHT_M));
-    scene->haze[1] = (float)(1.0 / SCALE_HEIGHT_M);
+    set_air(view->visibility_m, altitude_m + view->air_rise_m, scene);
     scene->haze[2] = (float)altitude_m;
     scene->haze[3] = (float)(0.015 + 0.985 * fmin(fmax((up + 0.12) / 0.32, 0.0), 1.0));
     const double rays[4] = {view->tan_left, view->tan_bottom, view->tan_right, view->tan_top};

@@ -24,6 +24,7 @@ struct scene_block {
     float way_back[4];
     float sun[4];
     float haze[4];
+    float air[4];
     float view_rays[4];
     float along[4];
     float parallel[4];
@@ -40,9 +41,9 @@ struct scene_block {
 
 _Static_assert(sizeof(struct scene_pane) == 112, "std140 stride of Pane");
 _Static_assert(offsetof(struct scene_block, eye_trig) == 128, "std140");
-_Static_assert(offsetof(struct scene_block, enu_from_eye) == 288, "std140");
-_Static_assert(offsetof(struct scene_block, panes) == 368, "std140");
-_Static_assert(offsetof(struct scene_block, levels) == 896, "std140");
+_Static_assert(offsetof(struct scene_block, enu_from_eye) == 304, "std140");
+_Static_assert(offsetof(struct scene_block, panes) == 384, "std140");
+_Static_assert(offsetof(struct scene_block, levels) == 912, "std140");
 
 /* Fills everything but what the next call does. */
 void scene_set_view(const struct view *view, struct scene_block *ret_scene);

@@ -75,15 +75,21 @@ static void draw(struct channel *channel, const struct channel_geometry *geometr
     glReadPixels(0, 0, SIDE, SIDE, GL_RGBA, GL_UNSIGNED_BYTE, ret_pixels);
 }
 
-/* Mean difference of a colour; the mirrored picture's edges may fall to the other neighbour. */
+/* Mean difference of a colour, but for the one step by which pixels are rounded up or down by their
+ * places; the mirrored picture's edges may fall to the other neighbour. */
 static double difference(uint8_t a[SIDE][SIDE][4], uint8_t b[SIDE][SIDE][4], bool flip_x,
                          bool flip_y)
 {
-    double sum = 0.0;
-    for (int y = 0; y < SIDE; y++)
-        for (int x = 0; x < SIDE; x++)
-            for (int c = 0; c < 3; c++)
-                sum += abs(a[y][x][c] - b[flip_y ? SIDE - 1 - y : y][flip_x ? SIDE - 1 - x : x][c]);
+    int sum = 0;
+    for (int y = 0; y < SIDE; y++) {
+        for (int x = 0; x < SIDE; x++) {
+            const uint8_t *other = b[flip_y ? SIDE - 1 - y : y][flip_x ? SIDE - 1 - x : x];
+            for (int c = 0; c < 3; c++) {
+                int apart = abs(a[y][x][c] - other[c]);
+                sum += apart > 1 ? apart - 1 : 0;
+            }
+        }
+    }
     return sum / (3.0 * SIDE * SIDE);
 }
 

@@ -1,5 +1,6 @@
 // What every stage shares: the scene block (render/scene.h mirrors it), the sky, the haze.
 
+const float EARTH_RADIUS = 6.371e6; // mean, m
 const int MAX_LEVELS = 20;
 const int PANES = 3; // of a level: on faces 0 or 3, 1 or 4, 2 or 5 of the cube (geo/cube.h)
 
@@ -28,8 +29,9 @@ layout(std140, binding = 0) uniform Scene {
     vec4 way_back;        // for difference_from_enu: x: N0 + h0; y: 0.5 / x; z: N0 e2 / q^2; w: 1 / q, with
                           // q = (1 - e2) N0 + h0
     vec4 sun;             // enu direction; w: 1 above, 0 below the horizon (smooth)
-    vec4 haze;            // x: extinction at the eye, 1/m; y: 1 / scale height; z: eye's altitude;
-                          // w: time of day's ambient strength
+    vec4 haze;            // x: extinction by haze near the ground, 1/m; y: column_below() the eye; z: the
+                          // eye's altitude; w: time of day's ambient strength
+    vec4 air;             // xyz: extinction by clear air at sea level, 1/m; w: column_below() the eye
     vec4 view_rays;       // tangents: left, bottom, right, top
     vec4 along;           // depth d is (x + y d) / (z + w d) m along the view; w: 1 where rays meet in the
                           // eye, 0 where they are parallel
@@ -56,11 +58,11 @@ vec3 sky_colour(vec3 direction)
     float up = max(direction.z, 0.0);
     float toward_sun = max(dot(direction, scene.sun.xyz), 0.0);
     float low = 1.0 - up;
-    low *= low;
+    low *= low * low;
     low *= low;
     float sunset = clamp(1.0 - abs(scene.sun.z) * 4.0, 0.0, 1.0);
-    vec3 zenith = mix(vec3(0.10, 0.26, 0.64), vec3(0.10, 0.15, 0.34), sunset);
-    vec3 horizon = mix(vec3(0.62, 0.77, 0.97), vec3(0.74, 0.53, 0.39), sunset * (0.3 + 0.7 * toward_sun));
+    vec3 zenith = mix(vec3(0.06, 0.19, 0.58), vec3(0.10, 0.15, 0.34), sunset);
+    vec3 horizon = mix(vec3(0.54, 0.71, 0.98), vec3(0.74, 0.53, 0.39), sunset * (0.3 + 0.7 * toward_sun));
     vec3 sky = mix(zenith, horizon, low);
     float glow = toward_sun * toward_sun;
     glow *= glow;
@@ -98,22 +100,58 @@ vec3 sky_light()
     return vec3(0.26, 0.36, 0.54) * scene.haze.w;
 }
 
+// As render/scene.c has them: haze is even up to HAZE_TOP and thins by e in HAZE_SCALE above it, clear
+// air thins from sea level on; m.
+const float HAZE_TOP = 1000.0, HAZE_SCALE = 1500.0, AIR_SCALE = 8000.0;
+
+// Haze and air below an altitude, as metres of that near the ground.
+vec2 column_below(float altitude_m)
+{
+    float above = max(altitude_m - HAZE_TOP, 0.0);
+    vec2 thin = exp(-vec2(above, altitude_m) / vec2(HAZE_SCALE, AIR_SCALE));
+    return vec2(HAZE_SCALE, AIR_SCALE) * (1.0 - thin) + vec2(altitude_m - above, 0.0);
+}
+
 // The share of light that the air lets through from a point that is `distance_m` from the eye (along the
-// view, if rays are parallel), and `rise_m` higher: homogeneous in layers, thinning exponentially with
-// height.
-float transmittance(float distance_m, float rise_m)
+// view, if rays are parallel), and `rise_m` higher; both are homogeneous in layers.
+vec3 transmittance(float distance_m, float rise_m)
 {
     distance_m = max(distance_m + scene.parallel.x, 0.0);
     rise_m -= scene.parallel.y;
-    float t = rise_m * scene.haze.y;
-    float mean = abs(t) < 1e-3 ? 1.0 - 0.5 * t : (1.0 - exp(-t)) / t;
-    return exp(-scene.haze.x * distance_m * mean);
+    float rise = rise_m < 0.0 ? min(rise_m, -4.0) : max(rise_m, 4.0); // columns are floats
+    float eye = scene.haze.z + scene.parallel.y;
+    vec2 mean = (column_below(eye + rise) - vec2(scene.haze.y, scene.air.w)) / rise;
+    return exp(-distance_m * (scene.haze.x * mean.x + scene.air.xyz * mean.y));
+}
+
+// The sky as it is seen from the eye: the less of it the less air the ray goes through, compared with one
+// from sea level, and blue the least so. The air is counted by its depth straight up, of which a level ray
+// has 36: the square root of half the Earth's circumference over AIR_SCALE.
+vec3 sky_seen(vec3 direction)
+{
+    const float LEVEL = 36.0;
+    const vec3 SCATTERED = vec3(0.2, 0.45, 1.1);
+    float up = abs(direction.z), altitude = max(scene.haze.z, 0.0), radius = EARTH_RADIUS + altitude;
+    float on_high = exp(-altitude / AIR_SCALE) / (up + 1.0 / LEVEL);
+    float lowest = max(radius * sqrt(1.0 - up * up) - EARTH_RADIUS, 0.0);
+    float through = 2.0 * LEVEL * exp(-lowest / AIR_SCALE) - on_high;
+    float air = direction.z < 0.0 ? through : on_high;
+    float from_sea = 1.0 / (max(direction.z, 0.0) + 1.0 / LEVEL);
+    return sky_colour(direction) * (1.0 - exp(-SCATTERED * air)) / (1.0 - exp(-SCATTERED * from_sea));
 }
 
 // Radiance to what is stored: a shoulder up to snow in the full sun (3.3), then gamma 2.
 vec3 displayed(vec3 radiance)
 {
     return sqrt(min(radiance * 1.45 / (1.0 + 1.15 * radiance), 1.0));
+}
+
+// What is stored of a pixel: with less than half a step of 1/255 added or taken, so that the sky has no
+// bands, by a pattern that is even at every scale (the fractional part of a plane).
+vec4 stored(vec3 shown, ivec2 pixel)
+{
+    float pattern = fract(dot(vec2(pixel & 1023), vec2(0.75487767, 0.56984029)));
+    return vec4(shown + (pattern - 0.5) * (1.0 / 256.0), 1.0);
 }
 // Positions relative to the eye on WGS84 by differences that do not cancel: decision 0013. A place is
 // the difference dn of its unit normal from the eye's, and a height.

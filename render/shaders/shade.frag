@@ -5,5 +5,6 @@ layout(location = 0) out vec4 colour;
 
 void main()
 {
-    colour = vec4(pixel_shown(ivec2(gl_FragCoord.xy), tangent), 1.0);
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    colour = stored(pixel_shown(pixel, tangent), pixel);
 }

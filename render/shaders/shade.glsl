@@ -255,7 +255,7 @@ vec3 shaded(vec2 tangent, float depth)
     float ray_length = length(ray.along);
     vec3 view = ray.along / ray_length;
     bool ground_seen = GROUND == 1 && (SKY == 0 || depth > scene.accuracy.y);
-    vec3 radiance = sky_colour(ground_seen ? vec3(view.xy, 0.0) : view);
+    vec3 radiance = ground_seen ? sky_colour(vec3(view.xy, 0.0)) : sky_seen(view);
     if (ground_seen) {
         float along_m = along_of(depth), distance_m = ray_length * along_m;
         vec4 place = difference_from_enu(ray.from + ray.along * along_m);

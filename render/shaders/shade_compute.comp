@@ -10,5 +10,5 @@ void main()
         return;
     vec2 place = (vec2(pixel) + 0.5) / vec2(size);
     vec2 tangent = mix(scene.view_rays.xy, scene.view_rays.zw, place);
-    imageStore(picture, pixel, vec4(pixel_shown(pixel, tangent), 1.0));
+    imageStore(picture, pixel, stored(pixel_shown(pixel, tangent), pixel));
 }
