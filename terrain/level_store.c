@@ -9,7 +9,8 @@
 
 /* Of curvature; within 0.7 % of it everywhere, as slopes need it. */
 #define MEAN_RADIUS_M 6.3675e6
-#define COLUMNS_MAX   4096 /* of the largest storage */
+#define COLUMNS_MAX   4096               /* of the largest storage */
+#define BEND_REACH    LEVEL_STORE_GROWTH /* half-posts: one would show noise */
 #define INVERSE_BITS  41
 
 int level_store_ready(struct level_store *store)
@@ -125,7 +126,9 @@ float level_store_height_m(const struct level_store *store, int32_t row, int32_t
 
 struct clipmap_rect level_store_grown(const struct level_store *store, struct clipmap_rect rect)
 {
-    struct clipmap_rect grown = {rect.row0 - 1, rect.col0 - 1, rect.rows + 2, rect.cols + 2};
+    struct clipmap_rect grown = {rect.row0 - LEVEL_STORE_GROWTH, rect.col0 - LEVEL_STORE_GROWTH,
+                                 rect.rows + 2 * LEVEL_STORE_GROWTH,
+                                 rect.cols + 2 * LEVEL_STORE_GROWTH};
     return clipmap_common(grown, level_store_half_posts(store->pane.posts));
 }
 
@@ -141,11 +144,25 @@ static float rise(const struct level_store *store, const struct clipmap_rect *wi
     return (b - a) / (float)(back + ahead);
 }
 
-/* As loader.h has it. */
-static uint8_t slope_code(float slope)
+/* By how much that changes from one half-post before to one behind; 0 at the window's rim. */
+static float bend(const struct level_store *store, const struct clipmap_rect *window, int32_t row,
+                  int32_t col, int dr, int dc)
 {
-    float code = 127.0f * sqrtf(fminf(fabsf(slope) / SURFACE_STEEPEST, 1.0f));
-    return (uint8_t)(128.5f + copysignf(code, slope));
+    dr *= BEND_REACH;
+    dc *= BEND_REACH;
+    if (row - dr < window->row0 || col - dc < window->col0 ||
+        row + dr >= window->row0 + window->rows || col + dc >= window->col0 + window->cols)
+        return 0.0f;
+    float a = store->height_m[index_of(store, row - dr, col - dc)];
+    float b = store->height_m[index_of(store, row + dr, col + dc)];
+    return (a + b - 2.0f * store->height_m[index_of(store, row, col)]) / (float)BEND_REACH;
+}
+
+/* As loader.h has it. */
+static uint8_t signed_code(float value, float most)
+{
+    float code = 127.0f * sqrtf(fminf(fabsf(value) / most, 1.0f));
+    return (uint8_t)(128.5f + copysignf(code, value));
 }
 
 /* The lines of a face's grid meet at an angle whose cosine is -u w / sqrt((1 + u^2) (1 + w^2)),
@@ -170,9 +187,13 @@ void level_store_export_surfaces(const struct level_store *store, struct clipmap
                 rise(store, &window, row, col, 1, 0) * per_step * r2 / (up * root_across);
             float square = (along_eta * root_across * root_up + along_xi * u * w) / sqrtf(r2);
             *ret_surfaces++ = (struct loader_surface){
-                .slope_along = slope_code(along_xi),
-                .slope_across = slope_code(square),
+                .slope_along = signed_code(along_xi, SURFACE_STEEPEST),
+                .slope_across = signed_code(square, SURFACE_STEEPEST),
                 .water = store->water[index_of(store, row, col)] ? 255 : 0,
+                .bend = signed_code(
+                    (bend(store, &window, row, col, 0, 1) + bend(store, &window, row, col, 1, 0)) *
+                        per_step,
+                    SURFACE_BENT),
             };
         }
     }

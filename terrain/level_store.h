@@ -44,8 +44,10 @@ bool level_store_put(struct level_store *store, struct clipmap_rect rect, const 
 /* Of a post that is in the window. */
 float level_store_height_m(const struct level_store *store, int32_t row, int32_t col);
 
-/* `rect` (half-posts) grown by one on each side, within the window: those whose slopes change when
- * the ground of `rect` does. */
+#define LEVEL_STORE_GROWTH 2
+
+/* `rect` (half-posts) grown by LEVEL_STORE_GROWTH on each side, within the window: those whose
+ * slopes and bends change when the ground of `rect` does. */
 struct clipmap_rect level_store_grown(const struct level_store *store, struct clipmap_rect rect);
 
 /* Writes the surface of half-posts, row-major, for the upload. */

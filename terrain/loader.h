@@ -37,13 +37,16 @@ struct loader_height {
 /* The ground as the surface texture holds it, twice as densely as the posts. Slopes are along the
  * direction in which xi grows on the post's face, and across it, to the left. A slope s (metres a
  * metre) is 128 + 127 sqrt(|s| / SURFACE_STEEPEST) with the sign of s: finest where land is flat.
- */
+ * The bend is coded likewise, up to SURFACE_BENT: by how much the slopes change from before a
+ * half-post to behind it, both axes added; positive in hollows. Unlike a curvature (1/m) it
+ * is about the same on all levels, for land is rough at all scales. */
 #define SURFACE_STEEPEST 4.0f
+#define SURFACE_BENT     1.0f
 
 struct loader_surface {
     uint8_t slope_along, slope_across;
     uint8_t water; /* 0 land .. 255 water */
-    uint8_t unused;
+    uint8_t bend;
 };
 
 /* What a level gained, to be copied into its toroidal storages; both rectangles row-major. */

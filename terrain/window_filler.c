@@ -312,10 +312,11 @@ static void open_update(struct loader_update *update)
     update->height_count = update->surface_count = 0;
 }
 
-/* Of one part of an update: its half-posts are grown by one on all sides when they are exported. */
+/* Of one part of an update: its half-posts are grown on all sides when they are exported. */
 static size_t bytes_of(const struct filler_part *part)
 {
-    size_t rows = (size_t)part->half_posts.rows + 2, cols = (size_t)part->half_posts.cols + 2;
+    size_t rows = (size_t)part->half_posts.rows + 2 * LEVEL_STORE_GROWTH;
+    size_t cols = (size_t)part->half_posts.cols + 2 * LEVEL_STORE_GROWTH;
     return rows * cols * sizeof(struct loader_surface) +
            (rows / 2 + 1) * (cols / 2 + 1) * sizeof(struct loader_height);
 }

@@ -3,6 +3,7 @@
 
 #include <time.h>
 
+#include "terrain/level_store.h"
 #include "terrain/loader.h"
 #include "terrain/planet.h"
 #include "tests/database_fixture.h"
@@ -138,7 +139,7 @@ static inline bool same_surface(const void *a, const void *b, const struct toler
     const struct loader_surface *own = a, *other = b;
     return abs(own->slope_along - other->slope_along) <= tolerance->code &&
            abs(own->slope_across - other->slope_across) <= tolerance->code &&
-           own->water == other->water;
+           abs(own->bend - other->bend) <= tolerance->code && own->water == other->water;
 }
 
 typedef bool (*same_function)(const void *a, const void *b, const struct tolerance *tolerance);
@@ -171,9 +172,10 @@ static inline int differences_beyond(const struct tolerance *tolerance, const st
         struct clipmap_rect posts = clipmap_common(of_a->posts, of_b->posts);
         if (of_a->face != of_b->face || posts.rows < 4 || posts.cols < 4)
             continue;
-        /* Slopes on the rim are one-sided or not, by when the neighbour left the window. */
-        struct clipmap_rect inside = {2 * posts.row0 + 1, 2 * posts.col0 + 1, 2 * posts.rows - 3,
-                                      2 * posts.cols - 3};
+        /* Slopes and bends on the rim are one-sided or not, by when neighbours left the window. */
+        const int rim = LEVEL_STORE_GROWTH;
+        struct clipmap_rect inside = {2 * posts.row0 + rim, 2 * posts.col0 + rim,
+                                      2 * (posts.rows - rim) - 1, 2 * (posts.cols - rim) - 1};
         different += differences_of(a->heights, b->heights, sizeof(*a->heights), same_height,
                                     tolerance, side, layer, posts);
         different += differences_of(a->surfaces, b->surfaces, sizeof(*a->surfaces), same_surface,

@@ -3,7 +3,8 @@
 // is thus the same whatever the geometry, but for pixels on an edge where they have several samples:
 // those are shaded one by one.
 
-layout(binding = 1) uniform sampler2DArray surfaces; // slopes along and across (coded), water
+layout(binding = 1) uniform sampler2DArray surfaces; // slopes along and across, water, bend (all but
+                                                     // water coded)
 layout(binding = 2) uniform sampler2DArray ground;   // tiling: slope x, slope y, two noises; a layer with
                                                      // waves of all lengths, one with short ones
 // Near / distance along the view axis; for parallel rays the way from far as a share.
@@ -13,7 +14,7 @@ layout(binding = 3) uniform sampler2DMS depths;
 layout(binding = 3) uniform sampler2D depths;
 #endif
 
-const float SURFACE_STEEPEST = 4.0;
+const vec3 SURFACE_MOST = vec3(4.0, 4.0, 1.0); // slopes, bend: terrain/loader.h
 const float PHOTO_RELIEF = 0.4;  // how much of a slope is seen on a photograph
 const float PHOTO_ALBEDO = 0.42; // of what is white there
 
@@ -70,29 +71,29 @@ Spot spot_at(vec3 dn)
     return spot;
 }
 
-// Slopes (as terrain/loader.h codes them) and water. The storage is toroidal, so a half-post's texel
+// Slopes and bend (as terrain/loader.h codes them), water. The storage is toroidal, so a half-post's texel
 // follows from its address alone and no window has to be looked up.
-vec3 surface_of_level(Spot spot, int level)
+vec4 surface_of_level(Spot spot, int level)
 {
     const uint SIDE = 2u * uint(STORAGE), WHOLE = (1u << 30) / SIDE * SIDE; // origins may be below 0
     vec2 texel = vec2((uvec2(spot.origin >> level) + WHOLE) % SIDE) +
                  (vec2(spot.origin & ((1 << level) - 1)) + spot.halves) * exp2(float(-level)) + 0.5;
-    return textureLod(surfaces, vec3(texel * (1.0 / float(SIDE)), PANES * level + spot.pane), 0.0).xyz;
+    return textureLod(surfaces, vec3(texel * (1.0 / float(SIDE)), PANES * level + spot.pane), 0.0);
 }
 
 // From the level that covers the place, blended into the next as the geometry is: levels end at
-// distances that double.
-vec3 surface_at(Spot spot, vec3 dn)
+// distances that double. Slopes, water, bend.
+vec4 surface_at(Spot spot, vec3 dn)
 {
     float away = distance_of(dn) * scene.eye_rest.y;
     int first = scene.sizes.z, last = scene.sizes.w;
     int level = clamp(int(ceil(log2(away))), first, last);
-    vec3 own = surface_of_level(spot, level);
+    vec4 own = surface_of_level(spot, level);
     float blend = clamp((away * exp2(float(-level)) - 1.0) * scene.eye_rest.z + 1.0, 0.0, 1.0);
     if (blend > 0.0 && level < last)
         own = mix(own, surface_of_level(spot, level + 1), blend);
-    vec2 code = own.xy * (255.0 / 127.0) - 128.0 / 127.0;
-    return vec3(SURFACE_STEEPEST * code * abs(code), own.z);
+    vec3 code = own.xyw * (255.0 / 127.0) - 128.0 / 127.0, ground_shape = SURFACE_MOST * code * abs(code);
+    return vec4(ground_shape.xy, own.z, ground_shape.z);
 }
 
 // The noise of a tile that is 2^power half-posts of level 0 wide, whatever these are, and of which a pixel
@@ -106,8 +107,9 @@ vec4 ground_noise(Spot spot, int power, float layer, float lod)
 // What grows or lies there. `soft` is what thresholds have to be wider by where the noise that would cut
 // across them is too fine to be seen. `wide` varies over kilometres, `near` over metres; both are fixed
 // to the ground. Tree and snow lines follow the latitude, of which `sin2` is the sine's square, as they
-// do on Earth, and so do deserts.
-vec3 land_colour(float altitude_km, float steepness, float sin2, vec4 wide, vec4 near, float soft)
+// do on Earth, and so do deserts. Hollows are moist and keep snow; ridges are bare.
+vec3 land_colour(float altitude_km, float steepness, float hollow, float sin2, vec4 wide, vec4 near,
+                 float soft)
 {
     float tropic = (sin2 - 0.17) * 12.0;
     float dry = 1.0 / (1.0 + tropic * tropic);
@@ -115,7 +117,7 @@ vec3 land_colour(float altitude_km, float steepness, float sin2, vec4 wide, vec4
     float snow_line = 5.3 - (2.6 + 3.2 * sin2) * sin2;
     float patches = wide.z * 0.55 + near.z * 0.45;
     float ragged = (patches - 0.5) * 1.1;
-    float moisture = smoothstep(0.38, 0.62, wide.w * 0.7 + near.w * 0.3 + 0.1 - 0.3 * dry);
+    float moisture = smoothstep(0.38, 0.62, wide.w * 0.7 + near.w * 0.3 + 0.1 - 0.3 * dry + 0.4 * hollow);
 
     vec3 straw = mix(vec3(0.155, 0.135, 0.060), vec3(0.300, 0.235, 0.150), dry);
     vec3 meadow = mix(straw, vec3(0.070, 0.105, 0.028), moisture);
@@ -126,14 +128,14 @@ vec3 land_colour(float altitude_km, float steepness, float sin2, vec4 wide, vec4
 
     float above_trees = smoothstep(-0.25, 0.15, altitude_km + 0.4 * ragged - tree_line);
     vec3 land = mix(meadow, alpine, above_trees);
-    float growth = wide.w * 0.45 + near.w * 0.35 + near.z * 0.2 - 0.2 * dry;
+    float growth = wide.w * 0.45 + near.w * 0.35 + near.z * 0.2 - 0.2 * dry + 0.2 * hollow;
     float trees = smoothstep(0.49 - soft, 0.53 + soft, growth) *
                   (1.0 - above_trees) * (1.0 - smoothstep(0.7, 1.1, steepness));
     land = mix(land * (0.65 + 0.7 * near.z), forest, trees);
-    float bare = smoothstep(0.62, 0.78, steepness + 0.7 * ragged + 0.2 * above_trees);
+    float bare = smoothstep(0.62, 0.78, steepness + 0.7 * ragged + 0.2 * above_trees - 0.5 * hollow);
     land = mix(land, rock * (0.25 + 1.5 * near.z), bare);
     float snowy = smoothstep(-0.04, 0.10, altitude_km + 0.9 * ragged - snow_line) *
-                  (1.0 - smoothstep(0.75, 0.95, steepness + 0.5 * ragged));
+                  (1.0 - smoothstep(0.75, 0.95, steepness + 0.5 * ragged - 0.6 * hollow));
     land = mix(land, snow, snowy);
     return mix(vec3(0.21, 0.18, 0.125), land, smoothstep(0.0005, 0.006, altitude_km));
 }
@@ -186,7 +188,7 @@ vec3 photo_radiance(vec3 photo, float mottle, Spot spot, vec2 slope, vec2 rough_
 vec3 ground_radiance(vec3 dn, vec3 view, float distance_m, float altitude_km)
 {
     Spot spot = spot_at(dn);
-    vec3 surface = surface_at(spot, dn);
+    vec4 surface = surface_at(spot, dn);
     // Half-posts of level 0 that a pixel covers, lengthened by half of the foreshortening.
     float facing = -dot(view, spot.normal);
     float covered = distance_m * scene.grid.z * 2.0 * inversesqrt(clamp(facing, 0.02, 1.0));
@@ -204,8 +206,7 @@ vec3 ground_radiance(vec3 dn, vec3 view, float distance_m, float altitude_km)
     vec4 grain = vec4(0.5); // a twentieth of a frame by software
 #endif
 
-    float steepness = length(surface.xy);
-    float water = surface.z;
+    float steepness = length(surface.xy), hollow = surface.w, water = surface.z;
 #if COLOUR || WATER
     ImageSpot image = image_spot(dn, spot.normal, view, distance_m, facing);
 #endif
@@ -230,10 +231,11 @@ vec3 ground_radiance(vec3 dn, vec3 view, float distance_m, float altitude_km)
     if (water < 1.0) {
         float lit = max(dot(normal, scene.sun.xyz), 0.0);
         float sine = dot(spot.normal.yz, scene.eye_trig.yx);
-        vec3 albedo = land_colour(altitude_km, steepness, sine * sine, mix(wide, middle, 0.35),
+        vec3 albedo = land_colour(altitude_km, steepness, hollow, sine * sine, mix(wide, middle, 0.35),
                                   mix(middle, near, 0.5), 0.05 * (2.0 - seen.y - seen.z));
         albedo *= 0.6 + 0.8 * grain.z;
-        radiance = albedo * (sun_colour * lit + ambient * (0.55 + 0.45 * dot(normal, spot.normal)));
+        float open = 0.55 + 0.45 * dot(normal, spot.normal) - 0.5 * hollow; // to the sky
+        radiance = albedo * (sun_colour * lit + ambient * max(open, 0.2));
 #if COLOUR
         float mottle = dot(vec3(wide.z, middle.z, near.z) - 0.5, vec3(0.6, 0.6, 0.8));
         vec3 lit_photo = photo_radiance(photo.rgb, mottle, spot, surface.xy, slope,
