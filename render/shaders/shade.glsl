@@ -192,18 +192,19 @@ vec3 ground_radiance(vec3 dn, vec3 view, float distance_m, float altitude_km)
     // Half-posts of level 0 that a pixel covers, lengthened by half of the foreshortening.
     float facing = -dot(view, spot.normal);
     float covered = distance_m * scene.grid.z * 2.0 * inversesqrt(clamp(facing, 0.02, 1.0));
-    // Tiles of 64 km, 4 km, 256 m and 16 m, of 2^8 texels.
+    // Tiles of 1024 km, 64 km, 4 km, 256 m and 16 m, of 2^8 texels.
     int power = scene.sizes.x;
     float lod = log2(covered) - float(power - 8) - 0.6;
     // From where its tiles would be seen to stand in rows there is no noise.
-    vec4 seen = clamp(vec4(0.4, 0.0, -2.0, -4.0) - 0.5 * lod, 0.0, 1.0);
+    vec4 seen = clamp(vec4(-1.0, 0.0, -2.0, -4.0) - 0.5 * lod, 0.0, 1.0);
     vec4 wide = mix(vec4(0.5), ground_noise(spot, power, 0.0, lod), seen.x);
     vec4 middle = mix(vec4(0.5), ground_noise(spot, power - 4, 1.0, lod + 4.0), seen.y);
     vec4 near = mix(vec4(0.5), ground_noise(spot, power - 8, 1.0, lod + 8.0), seen.z);
 #if GRAIN
+    wide += 0.6 * clamp(1.0 - 0.5 * lod, 0.0, 1.0) * (ground_noise(spot, power + 4, 0.0, lod - 4.0) - 0.5);
     vec4 grain = mix(vec4(0.5), ground_noise(spot, power - 12, 1.0, lod + 12.0), seen.w);
 #else
-    vec4 grain = vec4(0.5); // a twentieth of a frame by software
+    vec4 grain = vec4(0.5); // each is a twentieth of a frame by software
 #endif
 
     float steepness = length(surface.xy), hollow = surface.w, water = surface.z;
