@@ -7,6 +7,9 @@
 #define BEHIND_NS  (5 * NSEC_PER_SEC)
 #define REBUILD_NS (30 * NSEC_PER_SEC) /* that making the renderer anew may take */
 #define HOLD_NS    (5 * NSEC_PER_SEC)  /* that a fault of a moment stays, so that it is seen */
+#define UNREAD_NS                                                                                  \
+    (12 * NSEC_PER_SEC) /* the same, of tiles that are tried again every 5 seconds                 \
+                         */
 
 /* Resident memory of this process; 0 where the kernel does not say. */
 static unsigned resident_mib(void)
@@ -25,10 +28,11 @@ static void terrain_faults(struct service *service, nsec_t now_ns)
 {
     const struct health_collect *collect = &service->collect;
     char sentence[128];
-    snprintf(sentence, sizeof(sentence), "%llu terrain tiles could not be read",
+    snprintf(sentence, sizeof(sentence),
+             "terrain tiles could not be read: %llu tries failed so far",
              (unsigned long long)collect->newest.terrain_errors);
     service_set_fault(service, FAULT_TERRAIN_READ_ERROR,
-                      collect->error_ns && now_ns - collect->error_ns < HOLD_NS, sentence);
+                      collect->error_ns && now_ns - collect->error_ns < UNREAD_NS, sentence);
     service_set_fault(service, FAULT_TERRAIN_BEHIND,
                       health_collect_behind_ns(collect, now_ns) > BEHIND_NS,
                       "the finest terrain has been missing for more than 5 seconds");

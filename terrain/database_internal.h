@@ -37,6 +37,11 @@ int database_sql_run(const struct database *database, const char *sql, struct di
 int database_sql_prepare(const struct database *database, const char *sql,
                          sqlite3_stmt **ret_statement, struct diag *diag);
 
+/* Drops what SQLite keeps of the file's pages. It goes by the file's change counter, which tells
+ * nothing of a file that rotted, or that is whole again: what was read while it was neither would
+ * stay. No statement may be on a row. */
+void database_forget_pages(const struct database *database);
+
 /* Steps a statement: 1 = a row, 0 = done, else -errno. */
 int database_sql_step(const struct database *database, sqlite3_stmt *statement, const char *doing,
                       struct diag *diag);

@@ -198,9 +198,11 @@ int database_read_image(struct database *database, int layer, struct tile_id id,
     r = database_sql_step(database, database->read_image, "reading an image", diag);
     r = r == 0 ? DATABASE_ABSENT : r == 1 ? take_image(database->read_image, ret_record, diag) : r;
     sqlite3_reset(database->read_image);
-    if (r < 0)
+    if (r < 0) {
+        database_forget_pages(database);
         diag_prefix(diag, "%s: imagery of layer %d, level %d row %d column %d", database->path,
                     layer, id.level, id.row, id.col);
+    }
     return r;
 }
 

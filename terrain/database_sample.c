@@ -27,7 +27,7 @@ struct held_tile {
 struct sampling {
     struct database_source *source;
     int level;
-    bool late;                 /* something is coarser than the source has it */
+    bool late, failing;        /* something is coarser than the source has it */
     struct held_tile tiles[2]; /* south and north of a place */
 };
 
@@ -89,6 +89,7 @@ static const float *take_tile(struct sampling *sampling, int which, const struct
     else
         tile_cache_pin_made(source->core->cache, id, &held->pin);
     sampling->late |= held->pin.late;
+    sampling->failing |= held->pin.failed;
     return held->pin.heights_m;
 }
 
@@ -142,9 +143,11 @@ int database_source_sample(struct terrain_source *terrain_source,
     finish(&sampling);
     if (dig_any(source->core->dig)) {
         struct dig_ground ground = ground_of(source);
-        sampling.late |= dig_sample(source->core->dig, &ground, places, ret_height_m);
+        int r = dig_sample(source->core->dig, &ground, places, ret_height_m);
+        sampling.late |= r == TERRAIN_LATE;
+        sampling.failing |= r == TERRAIN_FAILING;
     }
-    return sampling.late ? TERRAIN_LATE : 0;
+    return sampling.late ? TERRAIN_LATE : sampling.failing && source->streams ? TERRAIN_FAILING : 0;
 }
 
 int database_source_sample_point(struct terrain_source *terrain_source, double lat_deg,

@@ -16,6 +16,7 @@ static void source_counts(struct terrain_source *terrain_source, struct terrain_
     *ret_counts = (struct terrain_counts){
         .tiles_loaded = counts.loaded,
         .read_errors = counts.errors + dig_errors(database_source_of(terrain_source)->core->dig),
+        .recovered = counts.recovered,
         .tile_hits = counts.hits,
         .tile_misses = counts.late,
         .prefetched = counts.prefetched,

@@ -19,7 +19,8 @@ int database_sql_open(struct database *database, const char *name, int flags)
     sqlite3_db_config(database->sql, SQLITE_DBCONFIG_ENABLE_VIEW, 0, NULL);
     sqlite3_db_config(database->sql, SQLITE_DBCONFIG_ENABLE_TRIGGER, 0, NULL);
     sqlite3_limit(database->sql, SQLITE_LIMIT_LENGTH, VALUE_BYTES_MAX);
-    return SQLITE_OK;
+    /* A page of a mapped file that was cut short would be a SIGBUS. */
+    return sqlite3_exec(database->sql, "PRAGMA mmap_size=0", NULL, NULL, NULL);
 }
 
 static long long size_of(const char *path, const char *suffix)
@@ -71,6 +72,11 @@ int database_sql_error(const struct database *database, const char *doing, struc
         return diag_set(diag, -EIO, "%s: %s: %s", database->path, doing,
                         sqlite3_errmsg(database->sql));
     }
+}
+
+void database_forget_pages(const struct database *database)
+{
+    sqlite3_db_release_memory(database->sql);
 }
 
 int database_sql_run(const struct database *database, const char *sql, struct diag *diag)

@@ -41,6 +41,7 @@ static const float *look(struct dig_view *view, int i, struct tile_id id)
     if (!view->held[i] || held->level != id.level || held->row != id.row || held->col != id.col)
         hold(view, i, id);
     view->late |= view->pins[i].late; /* also where it was held: another tile is made of it now */
+    view->failing |= view->pins[i].failed;
     return view->pins[i].heights_m;
 }
 
@@ -159,16 +160,17 @@ const float *dig_content(struct dig *dig, struct dig_view *view, struct dig_tile
     struct tile_entry *entry = &dig->table.entries[at];
     float *heights_m = entry->content.heights_m;
     if (entry->state != TILE_READY) {
-        bool late = view->late;
-        view->late = false;
+        bool late = view->late, failing = view->failing;
+        view->late = view->failing = false;
         tile->applied = 0;
         if (tile->settled && read_stored(dig, tile, heights_m))
             tile->applied = dig_count_until(&dig->index, tile, tile->settled);
         else
             dig_base_heights(&dig->grid, view, tile->id, heights_m);
-        entry->state = view->late ? TILE_COARSE : TILE_READY;
+        entry->state = view->late || view->failing ? TILE_COARSE : TILE_READY;
         dig->table.ready += entry->state == TILE_READY;
         view->late |= late;
+        view->failing |= failing;
     }
     for (; tile->applied < tile->count; tile->applied++)
         dig_apply(&dig->grid, tile->id, &dig->index.stamps[tile->stamps[tile->applied]], heights_m);

@@ -40,10 +40,10 @@ struct dig_ground {
     float rank;
 };
 
-/* Puts dug heights in place of those that were sampled from the database. Returns true where some
- * are coarser than they will be. */
-bool dig_sample(struct dig *dig, const struct dig_ground *ground,
-                const struct terrain_places *places, float *heights_m);
+/* Puts dug heights in place of those that were sampled from the database. Returns 0, TERRAIN_LATE
+ * or TERRAIN_FAILING. */
+int dig_sample(struct dig *dig, const struct dig_ground *ground,
+               const struct terrain_places *places, float *heights_m);
 
 /* Dug ground at a place: a cell of the finest level there. */
 struct dig_cell {

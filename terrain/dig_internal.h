@@ -29,7 +29,7 @@ struct dig_view {
     const struct dig_ground *ground;
     struct tile_id ids[2];
     struct tile_pin pins[2];
-    bool held[2], late;
+    bool held[2], late, failing;
 };
 
 void dig_view_finish(struct dig_view *view);

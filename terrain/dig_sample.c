@@ -50,8 +50,8 @@ static bool was_dug(const struct dig *dig, int level, const struct surface_line 
 
 /* Finer levels lie over coarser ones; a stamp is known to the tiles of all levels from its own up.
  */
-bool dig_sample(struct dig *dig, const struct dig_ground *ground,
-                const struct terrain_places *places, float *heights_m)
+int dig_sample(struct dig *dig, const struct dig_ground *ground,
+               const struct terrain_places *places, float *heights_m)
 {
     const struct dig_grid *tiles = &dig->grid;
     int finest = level_for(tiles, places->spacing_deg);
@@ -73,7 +73,7 @@ bool dig_sample(struct dig *dig, const struct dig_ground *ground,
         }
     dig_view_finish(&view);
     pthread_mutex_unlock(&dig->lock);
-    return view.late;
+    return view.late ? TERRAIN_LATE : view.failing ? TERRAIN_FAILING : 0;
 }
 
 /* Of the finest level that has dug posts around the place; a stamp is known to the tiles of all

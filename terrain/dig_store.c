@@ -361,9 +361,11 @@ int dig_store_read_tile(struct database *database, const struct dig_grid *grid, 
                      : r;
     }
     sqlite3_finalize(statement);
-    if (r < 0)
+    if (r < 0) {
+        database_forget_pages(database);
         diag_prefix(diag, "%s: dug tile level %d row %d column %d", database->path, outer.level,
                     outer.row, outer.col);
+    }
     return r;
 }
 

@@ -4,9 +4,10 @@
 
 #define PATIENCE 100 /* times that a call waits; a cache may be too small for it */
 
-/* True where there are heights; *late is set where the source will have better ones. */
+/* True where there are heights; `state` is set where the source will have better ones, or would. */
 static bool sample_source(const struct ground_sources *sources, struct terrain_source *source,
-                          const struct terrain_places *places, float *ret_m, bool *late)
+                          const struct terrain_places *places, float *ret_m,
+                          struct ground_state *state)
 {
     int r = source ? source->ops->sample(source, places, ret_m) : -ENOENT;
     for (int i = 0; r == TERRAIN_LATE && sources->patient && i < PATIENCE; i++) {
@@ -15,7 +16,8 @@ static bool sample_source(const struct ground_sources *sources, struct terrain_s
         source->ops->settle(source);
         r = source->ops->sample(source, places, ret_m);
     }
-    *late |= r == TERRAIN_LATE;
+    state->late |= r == TERRAIN_LATE;
+    state->failing |= r == TERRAIN_FAILING;
     return r >= 0;
 }
 
@@ -27,15 +29,16 @@ static bool any_void_or_low(const float *altitude_m, int count)
     return false;
 }
 
-bool ground_sample(const struct ground_sources *sources, const struct terrain_places *places,
-                   float *scratch_m, float *ret_altitude_m, bool *ret_water)
+struct ground_state ground_sample(const struct ground_sources *sources,
+                                  const struct terrain_places *places, float *scratch_m,
+                                  float *ret_altitude_m, bool *ret_water)
 {
-    bool late = false;
-    if (!sample_source(sources, sources->source, places, ret_altitude_m, &late))
+    struct ground_state state = {.late = false};
+    if (!sample_source(sources, sources->source, places, ret_altitude_m, &state))
         for (int i = 0; i < places->count; i++)
             ret_altitude_m[i] = NAN;
     bool have = any_void_or_low(ret_altitude_m, places->count) &&
-                sample_source(sources, sources->fallback, places, scratch_m, &late);
+                sample_source(sources, sources->fallback, places, scratch_m, &state);
     for (int i = 0; i < places->count; i++) {
         float altitude_m = ret_altitude_m[i];
         if (isnan(altitude_m))
@@ -46,5 +49,5 @@ bool ground_sample(const struct ground_sources *sources, const struct terrain_pl
             ret_water[i] = ground_is_water(altitude_m, have ? scratch_m[i] : NAN);
         ret_altitude_m[i] = altitude_m;
     }
-    return late;
+    return state;
 }

@@ -31,9 +31,15 @@ struct ground_sources {
     const atomic_bool *stopping;              /* ends the waiting; borrowed, may be NULL */
 };
 
+/* What came of sampling. */
+struct ground_state {
+    bool late;    /* a source will have better heights */
+    bool failing; /* it would have them if it could be read: TERRAIN_FAILING */
+};
+
 /* The ground at places: altitudes above the geoid, the fallback's (or 0) where the source has none,
  * and whether it is water (may be NULL).
- * `scratch_m`: room for as many heights as there are places. True where a
- * source will have better heights. Several threads may call. */
-bool ground_sample(const struct ground_sources *sources, const struct terrain_places *places,
-                   float *scratch_m, float *ret_altitude_m, bool *ret_water);
+ * `scratch_m`: room for as many heights as there are places. Several threads may call. */
+struct ground_state ground_sample(const struct ground_sources *sources,
+                                  const struct terrain_places *places, float *scratch_m,
+                                  float *ret_altitude_m, bool *ret_water);

@@ -53,6 +53,13 @@ void late_parts_add(struct late_parts *late, int level, int pane, struct clipmap
         }
 }
 
+void late_parts_move(struct late_parts *late, struct late_parts *from)
+{
+    for (size_t i = 0; i < from->count; i++)
+        late_parts_add(late, from->parts[i].level, from->parts[i].pane, from->parts[i].half_posts);
+    from->count = 0;
+}
+
 void late_parts_drop(struct late_parts *late, size_t count)
 {
     late->count -= count;

@@ -21,6 +21,7 @@
 #define AHEAD_EVERY  8
 #define JUMP_MAX_DEG 0.1 /* from wish to wish: more is no motion */
 #define ASK_AGAIN_NS (NSEC_PER_SEC / 4)
+#define RETRY_NS     NSEC_PER_SEC /* how often the source is asked for what it could not read */
 #define SAMPLERS_MAX 8
 
 struct wish {
@@ -35,7 +36,10 @@ struct loader {
     struct geoid *geoid;                      /* owned */
     struct window_filler filler;              /* the loader thread's own */
     struct wish last;                         /* the same; number 0: none yet */
-    size_t untried; /* the same: late parts not sampled again since tiles arrived */
+    size_t untried;   /* the same: late parts not sampled again since tiles arrived */
+    nsec_t retry_ns;  /* the same: when to ask again for what could not be read, */
+    uint64_t loaded;  /* the source's tiles when that was done, */
+    uint64_t revived; /* and those that could be read after all */
 
     struct loader_update updates[LOADER_UPDATES];
     struct ring ready, free; /* of struct loader_update * */
@@ -78,16 +82,19 @@ static void hand_over(struct loader *loader, struct loader_update *update)
     sem_post(&loader->answered_or_ready);
 }
 
-/* While tiles are late this is a doze: they are asked for again before the source forgets them. */
+/* While tiles are late, or cannot be read, this is a doze: they are asked for again before the
+ * source forgets them. */
 static void sleep_until_woken(struct loader *loader)
 {
     struct timespec until;
+    nsec_t doze_ns = loader->filler.late.count > 0      ? ASK_AGAIN_NS
+                     : loader->filler.failing.count > 0 ? RETRY_NS
+                                                        : 0;
     clock_gettime(CLOCK_REALTIME, &until);
-    until.tv_nsec += (long)ASK_AGAIN_NS;
+    until.tv_nsec += (long)doze_ns;
     until.tv_sec += until.tv_nsec / NSEC_PER_SEC;
     until.tv_nsec %= NSEC_PER_SEC;
-    bool doze = loader->filler.late.count > 0;
-    while ((doze ? sem_timedwait(&loader->woken, &until) : sem_wait(&loader->woken)) < 0) {
+    while ((doze_ns ? sem_timedwait(&loader->woken, &until) : sem_wait(&loader->woken)) < 0) {
         if (errno == ETIMEDOUT) {
             atomic_store(&loader->arrived, true);
             return;
@@ -184,6 +191,25 @@ static void take_changes(struct loader *loader)
     }
 }
 
+/* Has tried again what could not be read, and sampled again where that may have been so. */
+static void retry(struct loader *loader)
+{
+    struct window_filler *filler = &loader->filler;
+    nsec_t now_ns = clock_monotonic_ns();
+    const struct terrain_counts counts = terrain_source_counts(loader->source);
+    bool due = now_ns >= loader->retry_ns;
+    if (counts.recovered > loader->revived || (due && counts.tiles_loaded > loader->loaded)) {
+        late_parts_move(&filler->late, &filler->failing);
+        loader->untried = filler->late.count;
+    }
+    loader->revived = counts.recovered;
+    if (!due)
+        return;
+    loader->loaded = counts.tiles_loaded;
+    loader->retry_ns = now_ns + RETRY_NS;
+    window_filler_ask_again(filler);
+}
+
 /* Puts better heights where coarser ones stood in for them, if there is an update to put them in.
  */
 static void refresh(struct loader *loader)
@@ -214,6 +240,8 @@ static void *loader_main(void *data)
             answer(loader, wish);
         if (atomic_load(&loader->arrived))
             take_changes(loader);
+        if (loader->filler.failing.count > 0)
+            retry(loader);
         if (atomic_load(&loader->arrived) || loader->untried > 0)
             refresh(loader);
     }

@@ -26,6 +26,7 @@ struct terrain_facts {
 
 enum terrain_sample {
     TERRAIN_LATE = 1, /* some heights are coarser than the source has them: ask again */
+    TERRAIN_FAILING,  /* and some because their tiles cannot be read: prefetch them now and then */
 };
 
 /* Part of the Earth; east may exceed 180. */
@@ -38,7 +39,8 @@ struct terrain_source;
 /* Since the source was opened, of all that share it; of interest where it reads from a disk. */
 struct terrain_counts {
     uint64_t tiles_loaded;                  /* read and decoded */
-    uint64_t read_errors;                   /* tiles that could not be */
+    uint64_t read_errors;                   /* times that one could not be: each try counts */
+    uint64_t recovered;                     /* of those loaded, that could not be before */
     uint64_t tile_hits;                     /* asked for and there */
     uint64_t tile_misses;                   /* asked for and not yet there */
     uint64_t prefetched;                    /* decoded before they were missed */
@@ -48,8 +50,9 @@ struct terrain_counts {
 
 struct terrain_source_ops {
     /* Fills ret_height_m[count] with orthometric heights (metres above the EGM96 geoid); NaN where
-     * the source has none. Returns 0, -errno, or, once `stream` was called, TERRAIN_LATE; a tile
-     * that cannot be read is counted, not returned. Several threads may sample at once. */
+     * the source has none. Returns 0, -errno, or, once `stream` was called, TERRAIN_LATE, or else
+     * TERRAIN_FAILING; before, a tile that cannot be read is counted, not returned. Several threads
+     * may sample at once. */
     int (*sample)(struct terrain_source *source, const struct terrain_places *places,
                   float *ret_height_m);
     /* The height of the finest surface at one place, of a database bilinear between the four posts
@@ -66,7 +69,8 @@ struct terrain_source_ops {
                   struct diag *diag);
     /* Waits until what was late can be sampled. */
     void (*settle)(struct terrain_source *source);
-    /* Asks for what places will need; what is nearer to the focus comes first. */
+    /* Asks for what places will need; what is nearer to the focus comes first. What could not be
+     * read is tried again where that was some seconds ago. */
     void (*prefetch)(struct terrain_source *source, const struct terrain_places *places);
     void (*focus)(struct terrain_source *source, double lat_deg, double lon_deg);
     void (*counts)(struct terrain_source *source, struct terrain_counts *ret_counts);

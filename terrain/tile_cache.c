@@ -7,11 +7,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/clock.h"
 #include "terrain/tile_table.h"
 
 #define CAPACITY_MIN 64 /* more than twice the levels: a tile's ancestors stay while it is made */
 #define FORGOTTEN_NS NSEC_PER_SEC
+#define RANK_AGAIN   1e6f /* after all else, by the seconds since the cache was made */
 
 struct worker {
     struct tile_cache *cache;
@@ -33,6 +33,9 @@ struct tile_cache {
     struct tile_table table;
     uint32_t held; /* by the last look; TILE_NONE */
     struct tile_cache_counts counts;
+    int64_t made_ns;
+    int64_t again_ns;     /* since when tiles were tried again in vain, */
+    unsigned again_count; /* so many times */
 };
 
 int tile_cache_create(struct database *database, unsigned capacity, struct tile_cache **ret_cache)
@@ -42,6 +45,7 @@ int tile_cache_create(struct database *database, unsigned capacity, struct tile_
         return -ENOMEM;
     cache->database = database;
     cache->held = TILE_NONE;
+    cache->made_ns = clock_monotonic_ns();
     pthread_mutex_init(&cache->lock, NULL);
     pthread_cond_init(&cache->wanted, NULL);
     pthread_cond_init(&cache->made, NULL);
@@ -122,10 +126,15 @@ static void make_tile(struct database *database, struct tile_id id,
         tile_measure_blocks(content->heights_m, blocks_of(content));
 }
 
+static bool has_failed(const struct tile_content *content)
+{
+    return content->status < 0 && !content->untried;
+}
+
 static void count_made(struct tile_cache *cache, const struct tile_content *content)
 {
     cache->counts.loaded += content->status == 0;
-    cache->counts.errors += content->status < 0;
+    cache->counts.errors += has_failed(content);
 }
 
 /* Decodes a tile and what it needs for it here and now. */
@@ -197,6 +206,34 @@ const float *tile_cache_look(struct tile_cache *cache, struct tile_id id, int *r
     return heights_m;
 }
 
+static bool is_failed(const struct tile_entry *entry)
+{
+    return entry->state == TILE_READY && entry->content.status < 0;
+}
+
+/* Has the tile on which a failed one hangs tried again when that is due. What hangs on none that
+ * failed any more is no longer ready. */
+static void try_again(struct tile_cache *cache, uint32_t index)
+{
+    int64_t now_ns = clock_monotonic_ns();
+    struct tile_entry *entry = entry_at(cache, index);
+    while (entry->content.untried) {
+        uint32_t above = tile_table_find(&cache->table, parent_of(cache, entry->id));
+        if (above == TILE_NONE)
+            break;
+        if (!is_failed(entry_at(cache, above))) {
+            entry->state = TILE_COARSE;
+            cache->table.ready--;
+            return;
+        }
+        entry = entry_at(cache, above);
+    }
+    if (now_ns - entry->failed_ns < TILE_AGAIN_NS)
+        return;
+    double age_s = (double)(entry->failed_ns - cache->made_ns) / NSEC_PER_SEC;
+    want(cache, entry, RANK_AGAIN + (float)age_s);
+}
+
 static struct tile_pin pin_entry(struct tile_cache *cache, uint32_t index)
 {
     struct tile_pin pin = {.entry = index, .late = true};
@@ -205,6 +242,7 @@ static struct tile_pin pin_entry(struct tile_cache *cache, uint32_t index)
         entry->pins++;
         pin.heights_m = entry->content.present ? entry->content.heights_m : NULL;
         pin.late = entry->state != TILE_READY;
+        pin.failed = cache->worker_count > 0 && is_failed(entry);
         if (pin.heights_m && !pin.late && entry->id.level == 0)
             pin.block_max_m = blocks_of(&entry->content);
         pin.bounds = entry->content.bounds;
@@ -215,7 +253,10 @@ static struct tile_pin pin_entry(struct tile_cache *cache, uint32_t index)
 int tile_cache_pin_made(struct tile_cache *cache, struct tile_id id, struct tile_pin *ret_pin)
 {
     pthread_mutex_lock(&cache->lock);
-    *ret_pin = pin_entry(cache, make(cache, id));
+    uint32_t index = make(cache, id);
+    *ret_pin = pin_entry(cache, index);
+    if (ret_pin->failed)
+        try_again(cache, index);
     pthread_mutex_unlock(&cache->lock);
     return ret_pin->entry == TILE_NONE ? -ENOMEM : 0;
 }
@@ -248,6 +289,8 @@ void tile_cache_pin(struct tile_cache *cache, struct tile_id id, float rank,
 {
     pthread_mutex_lock(&cache->lock);
     uint32_t index = show_now(cache, id);
+    if (index != TILE_NONE && is_failed(entry_at(cache, index)))
+        try_again(cache, index);
     *ret_pin = pin_entry(cache, index);
     if (index != TILE_NONE) {
         struct tile_entry *entry = entry_at(cache, index);
@@ -277,6 +320,8 @@ void tile_cache_want(struct tile_cache *cache, struct tile_id id, float rank)
 {
     pthread_mutex_lock(&cache->lock);
     uint32_t index = entry_of(cache, id);
+    if (index != TILE_NONE && is_failed(entry_at(cache, index)))
+        try_again(cache, index);
     if (index != TILE_NONE && entry_at(cache, index)->state != TILE_READY)
         want(cache, entry_at(cache, index), rank);
     pthread_mutex_unlock(&cache->lock);
@@ -339,16 +384,34 @@ static void forget(struct tile_cache *cache, struct tile_entry *entry)
     }
 }
 
+/* Enough tiles were tried again in vain for now. */
+static bool is_put_off(const struct tile_cache *cache, const struct tile_entry *entry,
+                       int64_t now_ns)
+{
+    return is_failed(entry) && cache->again_count >= TILE_AGAIN_MOST &&
+           now_ns - cache->again_ns < TILE_AGAIN_NS;
+}
+
+static void note_failure_again(struct tile_cache *cache, int64_t now_ns)
+{
+    if (now_ns - cache->again_ns >= TILE_AGAIN_NS) {
+        cache->again_ns = now_ns;
+        cache->again_count = 0;
+    }
+    cache->again_count++;
+}
+
 /* The tile to make next: the one of lowest rank that no other worker stands before. */
 static uint32_t choose(struct tile_cache *cache)
 {
-    int64_t oldest_ns = clock_monotonic_ns() - FORGOTTEN_NS;
+    int64_t now_ns = clock_monotonic_ns(), oldest_ns = now_ns - FORGOTTEN_NS;
     float above_rank = NAN;
     for (;;) {
         uint32_t best = TILE_NONE;
         for (uint32_t i = 0; i < cache->table.count; i++) {
             struct tile_entry *entry = entry_at(cache, i);
-            if (entry->rank < INFINITY && entry->wanted_ns < oldest_ns && !entry->busy)
+            if (entry->rank < INFINITY && !entry->busy &&
+                (entry->wanted_ns < oldest_ns || is_put_off(cache, entry, now_ns)))
                 forget(cache, entry);
             if (!(entry->rank <= above_rank) && entry->rank < INFINITY && !entry->busy &&
                 (best == TILE_NONE || entry->rank < entry_at(cache, best)->rank))
@@ -363,33 +426,41 @@ static uint32_t choose(struct tile_cache *cache)
     }
 }
 
-/* Puts what the worker made in, once nobody reads what was there before. */
-static void publish(struct worker *worker, uint32_t index, const struct tile_content *content)
+/* Puts what the worker made in, once nobody reads what was there before. False where it is what was
+ * there before. */
+static bool publish(struct worker *worker, uint32_t index, const struct tile_content *content)
 {
     struct tile_cache *cache = worker->cache;
     struct tile_entry *entry = entry_at(cache, index);
     while (entry->pins > 0)
         pthread_cond_wait(&cache->unpinned, &cache->lock);
+    int64_t now_ns = clock_monotonic_ns();
+    bool again = is_failed(entry), in_vain = again && content->status < 0;
     worker->heights_m = entry->content.heights_m;
     entry->content = *content;
+    cache->table.ready += entry->state != TILE_READY;
     entry->state = TILE_READY;
-    cache->table.ready++;
     entry->busy = false;
     entry->rank = INFINITY;
     count_made(cache, content);
+    cache->counts.recovered += again && !in_vain;
+    if (in_vain && !content->untried)
+        note_failure_again(cache, now_ns);
+    entry->failed_ns = content->status < 0 ? now_ns : 0;
     if (entry->late_ns) {
-        double late_ms = milliseconds_from_ns(clock_monotonic_ns() - entry->late_ns);
+        double late_ms = milliseconds_from_ns(now_ns - entry->late_ns);
         cache->counts.longest_late_ms = fmax(cache->counts.longest_late_ms, late_ms);
         cache->table.late--;
     } else {
-        cache->counts.prefetched += content->status == 0;
+        cache->counts.prefetched += content->status == 0 && !again;
     }
     entry->late_ns = 0;
     pthread_cond_broadcast(&cache->made);
     pthread_cond_broadcast(&cache->wanted); /* what waited for this tile */
+    return !in_vain;
 }
 
-static void make_one(struct worker *worker, uint32_t index)
+static bool make_one(struct worker *worker, uint32_t index)
 {
     struct tile_cache *cache = worker->cache;
     struct tile_entry *entry = entry_at(cache, index);
@@ -407,7 +478,7 @@ static void make_one(struct worker *worker, uint32_t index)
     pthread_mutex_lock(&cache->lock);
     if (above != TILE_NONE)
         unpin(cache, above);
-    publish(worker, index, &content);
+    return publish(worker, index, &content);
 }
 
 static void *worker_main(void *data)
@@ -421,7 +492,8 @@ static void *worker_main(void *data)
             pthread_cond_wait(&cache->wanted, &cache->lock);
             continue;
         }
-        make_one(worker, index);
+        if (!make_one(worker, index))
+            continue;
         pthread_mutex_unlock(&cache->lock);
         cache->arrived(cache->user);
         pthread_mutex_lock(&cache->lock);

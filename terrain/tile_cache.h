@@ -4,6 +4,10 @@
  * damaged, or missing although its parent says that it is there, or whose parent is, is made from
  * its parent: coarser, but no hole. So is a tile where the database ends at a coarser level.
  *
+ * With workers, a tile that could not be read is tried again TILE_AGAIN_NS later where it is still
+ * asked for, at most TILE_AGAIN_MOST in vain in that time, the oldest failure first. Once it can be
+ * read, what was made from its parent is late, and made anew.
+ *
  * Without workers whoever looks at a tile waits until it is decoded. With workers a reader can pin
  * instead: a tile that is not there yet is made from its parent at once, and the workers make the
  * wanted ones, ancestors first, in the order of their ranks. */
@@ -11,10 +15,13 @@
 
 #include <stdint.h>
 
+#include "base/clock.h"
 #include "terrain/tile_make.h"
 
 #define TILE_CACHE_BYTES_PER_TILE (TILE_KEPT_FLOATS * sizeof(float))
 #define TILE_CACHE_WORKERS_MAX    16
+#define TILE_AGAIN_NS             (5 * NSEC_PER_SEC)
+#define TILE_AGAIN_MOST           8
 
 struct tile_cache;
 
@@ -31,14 +38,15 @@ int tile_cache_start(struct tile_cache *cache, unsigned workers, void (*arrived)
 
 /* TILE_POST_COUNT heights, or NULL where there is no data; valid until the next look. Waits. In
  * `ret_status` 0 (the tile itself), DATABASE_ABSENT (there is none: made from its parent) or -errno
- * (it cannot be read, or its parent cannot). One thread at a time. */
+ * (it cannot be read, or its parent cannot: without workers, for good). One thread at a time. */
 const float *tile_cache_look(struct tile_cache *cache, struct tile_id id, int *ret_status);
 
 struct tile_pin {
     const float *heights_m;   /* NULL: no data */
     const float *block_max_m; /* tile_measure_blocks(); NULL: it is late, or not of level 0 */
     uint32_t entry;
-    bool late; /* coarser than the database has it: wanted now */
+    bool late;   /* coarser than the database has it: wanted now */
+    bool failed; /* it, or its parent, cannot be read: wanted again later */
     struct tile_bounds bounds;
 };
 
@@ -62,7 +70,8 @@ void tile_cache_want(struct tile_cache *cache, struct tile_id id, float rank);
 void tile_cache_settle(struct tile_cache *cache);
 
 struct tile_cache_counts {
-    uint64_t loaded, errors;    /* decoded; damaged or missing */
+    uint64_t loaded, errors;    /* decoded; tried and damaged or missing, once for each try */
+    uint64_t recovered;         /* of those decoded, that could not be read before */
     uint64_t hits, late;        /* pins of tiles that were there, and that were not */
     uint64_t prefetched;        /* decoded before anybody lacked them */
     uint32_t resident, pending; /* now: decoded; pinned too early and not yet there */

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 
 #include "terrain/block.h"
+#include "terrain/database_internal.h"
 #include "terrain/height_step.h"
 
 #define BLOCK_CELLS (TILE_CELLS / TILE_BLOCKS)
@@ -92,8 +93,8 @@ static int read_tile(struct database *database, struct tile_id id, const float *
     return r;
 }
 
-/* A tile that failed is kept as that: a disk or a memory that fails for a moment gets another
- * chance. */
+/* A tile that failed is kept as that for a while: a disk or a memory that fails for a moment gets
+ * another chance at once. */
 static int read_tile_twice(struct database *database, struct tile_id id,
                            const struct tile_content *parent, struct tile_content *content)
 {
@@ -108,11 +109,14 @@ void tile_make(struct database *database, struct tile_id id, const struct tile_c
     const struct grid *grid = database_grid(database);
     bool expected = parent && parent->status == 0 && parent->children & tile_child_bit(grid, id);
     content->children = 0;
-    content->status = !parent || expected  ? read_tile_twice(database, id, parent, content)
-                      : parent->status < 0 ? parent->status
-                                           : DATABASE_ABSENT;
+    content->untried = parent && parent->status < 0;
+    content->status = !parent || expected ? read_tile_twice(database, id, parent, content)
+                      : content->untried  ? parent->status
+                                          : DATABASE_ABSENT;
     if (expected && content->status == DATABASE_ABSENT)
         content->status = -EBADMSG; /* the parent says that it is there */
+    if (content->status < 0 && !content->untried)
+        database_forget_pages(database);
     content->present = content->status == 0;
     if (!content->present && parent)
         tile_make_coarse(grid, id, parent, content);

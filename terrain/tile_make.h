@@ -25,6 +25,7 @@ void tile_measure_blocks(const float *heights_m, float *ret_max_m);
 struct tile_content {
     float *heights_m; /* TILE_POST_COUNT; owned by whoever made room for them */
     int status;       /* 0, DATABASE_ABSENT or -errno: it, or its parent, cannot be read */
+    bool untried;     /* its parent cannot: nobody has tried to read the tile itself */
     bool present;     /* false: no post has a height, and heights_m says nothing */
     uint8_t children; /* of its record, where it has one */
     struct tile_bounds bounds;

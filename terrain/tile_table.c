@@ -118,8 +118,10 @@ uint32_t tile_table_add(struct tile_table *table, struct tile_id id)
     entry->content.status = DATABASE_ABSENT;
     entry->content.present = false;
     entry->content.children = 0;
+    entry->content.untried = false;
     entry->rank = INFINITY;
     entry->late_ns = 0;
+    entry->failed_ns = 0;
     entry->chain = *bucket;
     *bucket = index;
     link_newest(table, index);

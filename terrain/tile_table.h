@@ -20,6 +20,7 @@ struct tile_entry {
     uint32_t pins;              /* readers; a pinned or busy entry stays */
     float rank;                 /* the lower, the sooner a worker makes it; INFINITY: nobody asks */
     int64_t wanted_ns, late_ns; /* when it was last asked for; since when somebody lacks it, or 0 */
+    int64_t failed_ns;          /* when it was last found that it cannot be read, or 0 */
     uint32_t newer, older, chain;
 };
 

@@ -23,7 +23,7 @@
 struct filler_part {
     int level, pane;
     struct clipmap_rect half_posts;
-    atomic_bool late, changed; /* what came of it */
+    atomic_bool late, failing, changed; /* what came of it */
 };
 
 /* A chunk's, of one worker. */
@@ -52,6 +52,7 @@ int window_filler_init(struct window_filler *filler, const struct clipmap_shape 
         .shape = *shape, .source = source, .fallback = fallback, .geoid = geoid};
     size_t parts = 8 + 4 * window_filler_half_posts(shape) / (LATE_SIDE * LATE_SIDE);
     if (late_parts_init(&filler->late, (size_t)shape->levels * parts) < 0 ||
+        late_parts_init(&filler->failing, (size_t)shape->levels * parts) < 0 ||
         crew_create(jobs, "otwd-sample", &filler->crew) < 0)
         return -ENOMEM;
     filler->scratch = malloc(crew_size(filler->crew) * sizeof(*filler->scratch));
@@ -72,6 +73,7 @@ void window_filler_finish(struct window_filler *filler)
     crew_destroy(filler->crew);
     free(filler->scratch);
     late_parts_finish(&filler->late);
+    late_parts_finish(&filler->failing);
 }
 
 static double degrees_from(double rad)
@@ -99,14 +101,16 @@ static void sample_chunk(const struct window_filler *filler, struct filler_scrat
     struct terrain_places places = places_of(store, rect, scratch->lat_deg, scratch->lon_deg);
     const struct ground_sources sources = {filler->source, filler->fallback, filler->patient,
                                            filler->stopping};
-    bool late =
+    struct ground_state state =
         ground_sample(&sources, &places, scratch->fallback_m, scratch->altitude_m, scratch->water);
     undulation_of_half_posts(filler->geoid, store, rect, places.lat_deg, places.lon_deg,
                              scratch->undulation_m);
     if (level_store_put(store, rect, scratch->altitude_m, scratch->undulation_m, scratch->water))
         atomic_store(&part->changed, true);
-    if (late)
+    if (state.late)
         atomic_store(&part->late, true);
+    if (state.failing)
+        atomic_store(&part->failing, true);
 }
 
 struct sampling_run {
@@ -181,18 +185,27 @@ static void add_strip(struct loader_update *update, const struct level_store *st
 }
 
 /* Drops what has left the windows. */
-static void forget_late(struct window_filler *filler)
+static void forget_late(const struct window_filler *filler, struct late_parts *late)
 {
     size_t kept = 0;
-    for (size_t i = 0; i < filler->late.count; i++) {
-        struct late_part part = filler->late.parts[i];
+    for (size_t i = 0; i < late->count; i++) {
+        struct late_part part = late->parts[i];
         const struct level_store *store = &filler->stores[part.level][part.pane];
         part.half_posts =
             clipmap_common(part.half_posts, level_store_half_posts(store->pane.posts));
         if (part.half_posts.rows > 0)
-            filler->late.parts[kept++] = part;
+            late->parts[kept++] = part;
     }
-    filler->late.count = kept;
+    late->count = kept;
+}
+
+/* Remembers a part that was sampled where it has to be sampled again. */
+static void note_late(struct window_filler *filler, const struct filler_part *part)
+{
+    if (atomic_load(&part->late))
+        late_parts_add(&filler->late, part->level, part->pane, part->half_posts);
+    else if (atomic_load(&part->failing))
+        late_parts_add(&filler->failing, part->level, part->pane, part->half_posts);
 }
 
 static const struct level_store *coarser_than(const struct window_filler *filler, int level,
@@ -401,11 +414,11 @@ int window_filler_move(struct window_filler *filler, const struct filler_eye *ey
     for (int level = 0; level < eye->finest; level++)
         leave_level(filler, level);
     int r = plan_levels(filler, eye, parts, &count);
-    forget_late(filler); /* first: it makes room */
+    forget_late(filler, &filler->late); /* first: it makes room */
+    forget_late(filler, &filler->failing);
     sample_parts(filler, parts, count);
     for (size_t i = 0; i < count; i++) {
-        if (atomic_load(&parts[i].late))
-            late_parts_add(&filler->late, parts[i].level, parts[i].pane, parts[i].half_posts);
+        note_late(filler, &parts[i]);
         add_part(filler, &parts[i], update);
     }
     close_update(filler, update);
@@ -457,8 +470,7 @@ bool window_filler_refresh(struct window_filler *filler, struct loader_update *u
     open_update(update);
     sample_parts(filler, parts, tried);
     for (size_t i = 0; i < tried; i++) {
-        if (atomic_load(&parts[i].late))
-            late_parts_add(&filler->late, parts[i].level, parts[i].pane, parts[i].half_posts);
+        note_late(filler, &parts[i]);
         if (atomic_load(&parts[i].changed)) {
             add_part(filler, &parts[i], update);
             add_finer_heights(filler, &parts[i], update);
@@ -527,6 +539,14 @@ static void ask_ahead(struct window_filler *filler, const struct level_store *st
             }
         }
     prefetch(filler, &places);
+}
+
+void window_filler_ask_again(struct window_filler *filler)
+{
+    for (size_t i = 0; i < filler->failing.count; i++) {
+        const struct late_part *part = &filler->failing.parts[i];
+        ask_ahead(filler, &filler->stores[part->level][part->pane], part->half_posts);
+    }
 }
 
 void window_filler_look_ahead(struct window_filler *filler, const struct filler_eye *eye)

@@ -1,8 +1,9 @@
 /* What the loader's thread works with: the ground of all clipmap levels in main memory, sampled
  * from the terrain source, and the strips for the renderer that follow from it.
  *
- * A source may answer with coarser heights than it has (TERRAIN_LATE). What was sampled so is
- * remembered and sampled again when the source has more. One thread calls; it has helpers. */
+ * A source may answer with coarser heights than it has (TERRAIN_LATE), or with such because it
+ * cannot be read (TERRAIN_FAILING). What was sampled so is remembered, and sampled again when the
+ * source has more. One thread calls; it has helpers. */
 #pragma once
 
 #include <stdatomic.h>
@@ -26,7 +27,7 @@ struct window_filler {
     const atomic_bool *stopping; /* ends the waiting; borrowed, may be NULL */
     struct crew *crew;
     struct filler_scratch *scratch; /* [crew_size] */
-    struct late_parts late;
+    struct late_parts late, failing;
     uint64_t posts_sampled;
 };
 
@@ -64,6 +65,9 @@ void window_filler_spoil(struct window_filler *filler, const struct terrain_rect
  * the update is then not worth handing over. `ret_tried`: how many parts were sampled. */
 bool window_filler_refresh(struct window_filler *filler, struct loader_update *update,
                            size_t *ret_tried);
+
+/* Asks the source once more for what it could not read. */
+void window_filler_ask_again(struct window_filler *filler);
 
 /* Asks the source for what the levels will need for an eye. */
 void window_filler_look_ahead(struct window_filler *filler, const struct filler_eye *eye);

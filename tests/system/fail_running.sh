@@ -8,7 +8,7 @@ preload="$FAIL_CALL${LD_PRELOAD:+:$LD_PRELOAD}"
 port=$(free_port)
 modbus=$(free_port)
 write_flight short.csv
-sed "s,^60\,,600,," short.csv >flight.csv
+sed "s/^60,/600,/" short.csv >flight.csv
 cat >otwd.yaml <<YAML
 display: {width: 64, height: 36, rate_hz: 20}
 sources:
@@ -18,7 +18,7 @@ record: {directory: $scratch/record}
 YAML
 start send.log "$OTWD" send flight.csv --to "udp://127.0.0.1:$port" --rate 20
 
-# run_failing CLASS FAULT: FAULT (or nothing) is what the class has to raise.
+# run_failing CLASS FAULT NAME: the fault that the class has to raise, if any.
 run_failing() {
     class=$1
     rm -f failing failed
@@ -35,16 +35,17 @@ run_failing() {
     accepted=$(field accepted)
     wait_for 20 at_least frames_rendered $((frames + 20)) || fail "$class: no frames afterwards"
     wait_for 20 at_least accepted $((accepted + 20)) || fail "$class: no poses afterwards"
+    [ -z "$2" ] || wait_for 20 logged "$3 is over" || fail "$class: fault $2 does not end"
     echo "$class: $([ -e failed ] && echo calls failed || echo no call was made):" \
         "$(grep -o 'fault=[0-9]*' otwd.log | sort -u | tr '\n' ' ')"
     stop_daemon
     [ "$stopped" -eq 0 ] || fail "$class: the daemon ended with $stopped"
 }
-run_failing socket 105
-logged 'SOURCE_FAILED is over' || fail "socket: the fault does not end"
-run_failing file 501
-logged 'RECORDER_FAILED is over' || fail "file: the fault does not end"
-for class in memory gl; do
-    run_failing "$class" ''
-done
+run_failing socket 105 SOURCE_FAILED
+run_failing file 501 RECORDER_FAILED
+run_failing memory ''
+[ -e failed ] || fail "memory: nothing has failed"
+# What the GPU holds is made at the start: there is nothing to fail while it draws.
+run_failing gl ''
+[ ! -e failed ] || fail "gl: something was made while it drew"
 finish
