@@ -7,9 +7,7 @@
 #define BEHIND_NS  (5 * NSEC_PER_SEC)
 #define REBUILD_NS (30 * NSEC_PER_SEC) /* that making the renderer anew may take */
 #define HOLD_NS    (5 * NSEC_PER_SEC)  /* that a fault of a moment stays, so that it is seen */
-#define UNREAD_NS                                                                                  \
-    (12 * NSEC_PER_SEC) /* the same, of tiles that are tried again every 5 seconds                 \
-                         */
+#define UNREAD_NS  (12 * NSEC_PER_SEC) /* of tiles, which are tried again every 5 seconds */
 
 /* Resident memory of this process; 0 where the kernel does not say. */
 static unsigned resident_mib(void)
