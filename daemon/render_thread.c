@@ -71,7 +71,7 @@ static void announce(struct render_thread *thread, enum render_state state)
     uint64_t one = 1;
     atomic_store(&thread->state, (int)state);
     if (write(thread->event_fd, &one, sizeof(one)) < 0)
-        return; /* full: the loop will wake up all the same */
+        return; /* the loop looks at the state each tick all the same */
 }
 
 /* The newest pose comes with the input, too: the ring may have been full. */

@@ -73,6 +73,8 @@ static int on_tick(sd_event_source *event, uint64_t usec, void *data)
     service_modbus_tick(service, now_ns);
     sources_tick(service, now_ns);
     health_tick(service, now_ns);
+    if (service->render)
+        service_render_tick(service); /* what it tells may not have left it */
     if (service->window && window_poll(service->window))
         service_fail(service, FAULT_WINDOW_LOST, "the window was closed");
     uint64_t next_usec = (uint64_t)((now_ns + TICK_NS) / NSEC_PER_USEC);

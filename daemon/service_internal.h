@@ -120,6 +120,8 @@ int service_open_window(struct service *service, struct diag *diag);
 void service_close_window(struct service *service);
 /* Chooses the terrain and starts the thread that draws. */
 int service_start_render(struct service *service, struct diag *diag);
+/* Takes up what the render thread has told: that it draws, or has failed. */
+void service_render_tick(struct service *service);
 void service_stop_render(struct service *service);
 
 /* service_sources.c */

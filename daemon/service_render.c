@@ -192,9 +192,8 @@ static void render_lost(struct service *service, const struct diag *why)
         service_fail(service, FAULT_RENDERER_FAILED, diag.text);
 }
 
-static int on_render(sd_event_source *event, int fd, uint32_t revents, void *data)
+void service_render_tick(struct service *service)
 {
-    struct service *service = data;
     struct diag diag = {0};
     enum render_state state = render_thread_state(service->render, &diag);
     if (state == RENDER_FAILED) {
@@ -210,5 +209,10 @@ static int on_render(sd_event_source *event, int fd, uint32_t revents, void *dat
         const char *note = render_thread_note(service->render);
         service_set_fault(service, FAULT_GPU_MEMORY_SHORT, note[0], note);
     }
+}
+
+static int on_render(sd_event_source *event, int fd, uint32_t revents, void *data)
+{
+    service_render_tick(data);
     return 0;
 }

@@ -2,7 +2,6 @@
 
 #include <errno.h>
 #include <fcntl.h>
-#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -30,12 +29,15 @@ static int refuse(const char *database, int descriptor, struct diag *diag)
     return diag_set(diag, -EBUSY, "%s is being written by another process", database);
 }
 
-/* Whether the locked file still has its name: its last holder may have removed it. */
-static bool is_current(const struct database_lock *lock)
+/* 0 where the locked file still has its name, 1 where its last holder has removed it, or -errno. */
+static int check_name(const struct database_lock *lock)
 {
     struct stat ours, named;
-    return fstat(lock->descriptor, &ours) == 0 && stat(lock->path, &named) == 0 &&
-           ours.st_ino == named.st_ino && ours.st_dev == named.st_dev;
+    if (fstat(lock->descriptor, &ours) < 0)
+        return -errno;
+    if (stat(lock->path, &named) < 0)
+        return errno == ENOENT ? 1 : -errno;
+    return ours.st_ino != named.st_ino || ours.st_dev != named.st_dev;
 }
 
 /* 0, 1 to be tried again, or -errno. */
@@ -45,13 +47,15 @@ static int try_lock(struct database_lock *lock, const char *database, struct dia
     if (lock->descriptor < 0) /* a folder that is missing is no missing source */
         return diag_set(diag, errno == ENOSPC ? -ENOSPC : -EIO, "%s: %s", lock->path,
                         strerror(errno));
-    int r = flock(lock->descriptor, LOCK_EX | LOCK_NB) == 0 ? 0
-            : errno == EWOULDBLOCK ? refuse(database, lock->descriptor, diag)
-                                   : diag_set(diag, -EIO, "%s: %s", lock->path, strerror(errno));
-    if (r == 0 && is_current(lock))
+    int r = flock(lock->descriptor, LOCK_EX | LOCK_NB) == 0 ? check_name(lock) : -errno;
+    if (r == 0)
         return 0;
+    if (r == -EWOULDBLOCK)
+        r = refuse(database, lock->descriptor, diag);
+    else if (r < 0)
+        r = diag_set(diag, -EIO, "%s: %s", lock->path, strerror(-r));
     close(lock->descriptor);
-    return r < 0 ? r : 1;
+    return r;
 }
 
 int database_lock_take(const char *database, struct database_lock **ret_lock, struct diag *diag)

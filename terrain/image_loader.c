@@ -7,11 +7,15 @@
 #include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
+#include "base/clock.h"
 #include "base/latest.h"
 #include "base/ring.h"
 #include "geo/cube.h"
 #include "terrain/imagery.h"
+
+#define AGAIN_NS (5 * NSEC_PER_SEC) /* until what could not be read is tried again */
 
 struct wish {
     uint64_t number; /* 1, 2, ... */
@@ -27,7 +31,10 @@ struct image_loader {
     int filling; /* the level that is filled anew, or -1 */
     int filled_rows;
     struct image_window filling_window;
-    uint8_t (*rgba)[4]; /* of a strip, scratch */
+    bool failed[IMAGE_CLIPMAP_LEVELS_MAX]; /* levels that have something which could not be read, */
+    bool refill[IMAGE_CLIPMAP_LEVELS_MAX]; /* and those that are filled anew for that */
+    nsec_t again_ns;                       /* when to try again what could not be read */
+    uint8_t (*rgba)[4];                    /* of a strip, scratch */
     uint8_t (*water)[2];
     uint64_t texels_sampled;
 
@@ -95,6 +102,7 @@ static void sample(struct image_loader *loader, int level, int layer,
 {
     const struct image_shape *shape = &loader->params.shape;
     size_t count = (size_t)rows * (size_t)cols;
+    uint64_t failed_looks = imagery_failed_looks(loader->params.imagery);
     update->layer = layer;
     update->row = (int)(window->row0 & (shape->side - 1));
     update->col = (int)(window->col0 & (shape->side - 1));
@@ -113,6 +121,7 @@ static void sample(struct image_loader *loader, int level, int layer,
         update->waters[i] =
             (struct image_water){.share = loader->water[i][0], .known = loader->water[i][1]};
     loader->texels_sampled += count;
+    loader->failed[level] |= imagery_failed_looks(loader->params.imagery) > failed_looks;
 }
 
 /* By how much a window has to move along one axis: 0 within the slack, at most a strip. */
@@ -176,8 +185,10 @@ static bool start_filling(struct image_loader *loader, const struct wish *wish)
     for (int level = shape->levels - 1; level >= wish->finest; level--) {
         const struct image_window *window = &loader->layout.windows[level];
         int plane = image_plane_for(wish->normal, window->plane);
-        if (plane == window->plane && is_near(loader, level, window, wish))
+        if (plane == window->plane && is_near(loader, level, window, wish) &&
+            !loader->refill[level])
             continue;
+        loader->refill[level] = loader->failed[level] = false;
         loader->filling = level;
         loader->filled_rows = 0;
         loader->filling_window = image_clipmap_place(shape, level, plane, wish->normal);
@@ -211,6 +222,39 @@ static void publish_counts(struct image_loader *loader)
                           memory_order_relaxed);
 }
 
+static bool any_of(const bool flags[IMAGE_CLIPMAP_LEVELS_MAX])
+{
+    for (int level = 0; level < IMAGE_CLIPMAP_LEVELS_MAX; level++)
+        if (flags[level])
+            return true;
+    return false;
+}
+
+/* Waits for something to do: for AGAIN_NS where something could not be read. */
+static void sleep_until_woken(struct image_loader *loader)
+{
+    struct timespec until;
+    clock_gettime(CLOCK_REALTIME, &until);
+    until.tv_sec += AGAIN_NS / NSEC_PER_SEC;
+    bool doze = any_of(loader->failed);
+    while ((doze ? sem_timedwait(&loader->woken, &until) : sem_wait(&loader->woken)) < 0)
+        if (errno == ETIMEDOUT)
+            return;
+}
+
+/* Has the levels filled anew that have something which could not be read, once it can be. */
+static void try_again(struct image_loader *loader)
+{
+    nsec_t now_ns = clock_monotonic_ns();
+    if (now_ns < loader->again_ns)
+        return;
+    loader->again_ns = now_ns + AGAIN_NS;
+    if (imagery_try_again(loader->params.imagery))
+        for (int level = 0; level < IMAGE_CLIPMAP_LEVELS_MAX; level++)
+            loader->refill[level] |= loader->failed[level];
+    publish_counts(loader);
+}
+
 static void *loader_main(void *data)
 {
     struct image_loader *loader = data;
@@ -218,10 +262,11 @@ static void *loader_main(void *data)
     struct wish wish = {0};
     while (!atomic_load(&loader->stopping)) {
         latest_take(&loader->wishes, &wish);
-        bool done = wish.number == atomic_load(&loader->answered);
+        if (any_of(loader->failed))
+            try_again(loader);
+        bool done = wish.number == atomic_load(&loader->answered) && !any_of(loader->refill);
         if (done || (!update && !ring_take(&loader->free, &update))) {
-            while (sem_wait(&loader->woken) < 0)
-                ;
+            sleep_until_woken(loader);
             continue;
         }
         if (work(loader, &wish, update)) {

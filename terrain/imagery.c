@@ -8,9 +8,11 @@
 
 #include "terrain/database_internal.h"
 
-#define TILES_MIN  8 /* at most three are in use at once */
-#define NO_KEY     INT64_MIN
-#define BARE_TILES 4096 /* a power of two */
+#define TILES_MIN   8 /* at most three are in use at once */
+#define NO_KEY      INT64_MIN
+#define BARE_TILES  4096 /* a power of two */
+#define FAILED_MOST 8
+#define FORGET_EACH 12 /* times that tiles are tried again */
 
 /* A tile of a layer or, under a layer number that no layer has, of all layers of a kind. */
 struct slot {
@@ -18,7 +20,14 @@ struct slot {
     uint64_t used;
     bool empty; /* no layer has anything there: texels are not set */
     bool opaque;
+    bool failed; /* coarser than the file has it, or empty: something could not be read */
     uint8_t *rgba;
+};
+
+/* A tile that could not be read. */
+struct failed_tile {
+    int layer;
+    struct tile_id id;
 };
 
 struct imagery {
@@ -30,7 +39,10 @@ struct imagery {
     unsigned slot_count;
     int64_t bare[BARE_TILES]; /* tiles of layers that have nothing there, each in one place only */
     uint64_t clock, tiles_loaded, read_errors;
-    float (*sums)[4]; /* of a tile's texels: light by alpha, and alpha */
+    struct failed_tile failed[FAILED_MOST]; /* those of the last failures */
+    unsigned failed_count, tries;
+    uint64_t failed_looks; /* at slots that have failed */
+    float (*sums)[4];      /* of a tile's texels: light by alpha, and alpha */
 };
 
 static int all_layers(enum image_kind kind)
@@ -221,6 +233,12 @@ static int load(struct imagery *imagery, int layer, struct tile_id id, uint8_t *
     return r;
 }
 
+static void note_failure(struct imagery *imagery, int layer, struct tile_id id)
+{
+    imagery->read_errors++;
+    imagery->failed[imagery->failed_count++ % FAILED_MOST] = (struct failed_tile){layer, id};
+}
+
 static bool is_opaque(const uint8_t *rgba)
 {
     uint8_t least = 255;
@@ -246,9 +264,9 @@ static int64_t *bare_place(struct imagery *imagery, int64_t key)
 }
 
 /* The slot of a layer's nearest tile, an ancestor where there is none; NULL where there is nothing
- * up to the top, which is remembered, or no memory. */
+ * up to the top, which is remembered unless something could not be read, or no memory. */
 static struct slot *nearest_slot(struct imagery *imagery, const struct database_layer *layer,
-                                 struct tile_id id, struct tile_id *ret_at)
+                                 struct tile_id id, struct tile_id *ret_at, bool *ret_failed)
 {
     int top = image_grid_top_level(&imagery->grid);
     struct tile_id at = id;
@@ -258,26 +276,45 @@ static struct slot *nearest_slot(struct imagery *imagery, const struct database_
         int64_t key = image_key(layer->id, at);
         struct slot *slot = find_slot(imagery, key);
         *ret_at = at;
+        *ret_failed |= slot && slot->failed;
+        if (slot && slot->empty)
+            return NULL;
         if (slot)
             return slot;
         slot = take_slot(imagery);
         if (!slot)
             return NULL;
         int r = load(imagery, layer->id, at, slot->rgba);
-        imagery->read_errors += r < 0;
         if (r == 0) {
             slot->key = key;
-            slot->empty = false;
+            slot->empty = slot->failed = false;
             slot->opaque = is_opaque(slot->rgba);
             return slot;
         }
         slot->used = 0;
+        *ret_failed |= r < 0;
+        if (r < 0)
+            note_failure(imagery, layer->id, at);
         if (at.level >= top) {
             key = image_key(layer->id, id);
-            *bare_place(imagery, key) = key;
+            if (!*ret_failed)
+                *bare_place(imagery, key) = key;
             return NULL;
         }
     }
+}
+
+/* A layer has nothing there; what could not be read is remembered only until it is tried again. */
+static void note_nothing(struct imagery *imagery, struct slot *slot, int64_t key, bool failed)
+{
+    if (!failed) {
+        *bare_place(imagery, key) = key;
+        slot->used = 0;
+        return;
+    }
+    slot->key = key;
+    slot->empty = slot->failed = true;
+    imagery->failed_looks++;
 }
 
 /* A layer's tile, made from an ancestor where it has none itself; NULL as above. */
@@ -287,25 +324,36 @@ static struct slot *layer_slot(struct imagery *imagery, const struct database_la
     struct tile_id at = id;
     int64_t key = image_key(layer->id, id);
     struct slot *target, *slot;
+    bool failed = false;
     if (*bare_place(imagery, key) == key)
         return NULL;
     slot = find_slot(imagery, key);
-    if (!slot)
-        slot = nearest_slot(imagery, layer, id, &at);
-    if (!slot || slot->key == key)
+    if (slot) {
+        imagery->failed_looks += slot->failed;
+        return slot->empty ? NULL : slot;
+    }
+    slot = nearest_slot(imagery, layer, id, &at, &failed);
+    if (slot && slot->key == key)
         return slot;
+    if (!slot && !failed)
+        return NULL;
     target = take_slot(imagery);
     if (!target)
         return NULL;
+    if (!slot) {
+        note_nothing(imagery, target, key, failed);
+        return NULL;
+    }
     enlarge(imagery, image_light_of(layer->kind), at, slot->rgba, id, target->rgba);
     if (is_transparent(target->rgba)) {
-        *bare_place(imagery, key) = key;
-        target->used = 0;
+        note_nothing(imagery, target, key, failed);
         return NULL;
     }
     target->key = key;
     target->empty = false;
+    target->failed = failed;
     target->opaque = is_opaque(target->rgba);
+    imagery->failed_looks += failed;
     return target;
 }
 
@@ -334,8 +382,11 @@ const uint8_t *imagery_tile(struct imagery *imagery, enum image_kind kind, struc
     int64_t key = image_key(all_layers(kind), id);
     struct slot *slot = find_slot(imagery, key);
     bool any = false;
-    if (slot)
+    uint64_t failed_looks = imagery->failed_looks;
+    if (slot) {
+        imagery->failed_looks += slot->failed;
         return slot->empty ? NULL : slot->rgba;
+    }
     for (size_t i = 0; i < imagery->layers.count; i++) {
         if (imagery->order[i]->kind != kind)
             continue;
@@ -355,8 +406,44 @@ const uint8_t *imagery_tile(struct imagery *imagery, enum image_kind kind, struc
     for (int i = 0; any && i < IMAGE_TEXELS; i++)
         image_texel_from_light(light, imagery->sums[i], slot->rgba + 4 * i);
     slot->empty = !any;
+    slot->failed = imagery->failed_looks > failed_looks;
     slot->key = key;
     return any ? slot->rgba : NULL;
+}
+
+uint64_t imagery_failed_looks(const struct imagery *imagery)
+{
+    return imagery->failed_looks;
+}
+
+/* Whether one of those that failed last can be read. */
+static bool reads_again(struct imagery *imagery)
+{
+    unsigned count = imagery->failed_count < FAILED_MOST ? imagery->failed_count : FAILED_MOST;
+    struct slot *room = count ? take_slot(imagery) : NULL;
+    bool reads = false;
+    if (!room)
+        return false;
+    room->used = 0;
+    for (unsigned i = 0; i < count && !reads; i++) {
+        const struct failed_tile *tile = &imagery->failed[i];
+        reads = load(imagery, tile->layer, tile->id, room->rgba) == 0;
+        imagery->read_errors += !reads;
+    }
+    return reads;
+}
+
+bool imagery_try_again(struct imagery *imagery)
+{
+    if (!reads_again(imagery) && ++imagery->tries % FORGET_EACH != 0)
+        return false;
+    for (unsigned i = 0; i < imagery->slot_count; i++)
+        if (imagery->slots[i].key != NO_KEY && imagery->slots[i].failed) {
+            imagery->slots[i].key = NO_KEY;
+            imagery->slots[i].used = 0;
+        }
+    imagery->failed_count = 0;
+    return true;
 }
 
 int imagery_read_tile(struct imagery *imagery, struct tile_id id, uint8_t *ret_rgba)

@@ -4,7 +4,8 @@
  * Tiles are named as those of heights (terrain/image_tile.h says where their texels lie); texels
  * are RGBA, eight bits each, sRGB, alpha not multiplied in; alpha is 0 where there is no image.
  * What a database does not have at a level it has from the next coarser one that is there. A tile
- * that is damaged or missing is counted in read_errors and shown from its parent.
+ * that is damaged or cannot be read is counted in read_errors, at each try, and shown from its
+ * parent, until imagery_try_again().
  *
  * A handle has its own connection to the file and its own decoded tiles, and belongs to one thread
  * at a time: channels of one process have one each, where they share a terrain source for heights.
@@ -58,6 +59,14 @@ const uint8_t *imagery_layer_tile(struct imagery *imagery, const struct database
 
 /* All layers of a kind, likewise. */
 const uint8_t *imagery_tile(struct imagery *imagery, enum image_kind kind, struct tile_id id);
+
+/* How often a tile was looked at that is coarser than the file has it, or empty, because something
+ * could not be read. */
+uint64_t imagery_failed_looks(const struct imagery *imagery);
+
+/* Reads again a few of the tiles that could not be read last. True where one can be now, and every
+ * twelfth time: such tiles are then forgotten, and read when they are looked at. */
+bool imagery_try_again(struct imagery *imagery);
 
 /* Decodes every image, and checks checksums, places, that no tile is missing, and that the alpha of
  * coarser tiles is the mean of the finer ones'. Each fault
