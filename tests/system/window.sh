@@ -12,6 +12,7 @@ modbus=$(free_port)
 cat >headless.yaml <<YAML
 channel: {name: otwd-test}
 display: {width: 160, height: 90, rate_hz: 20}
+terrain: {pixel_error_most: 1} # as fine however long it takes: coarser terrain would be another picture
 environment: {time_utc: "2026-06-21T10:00:00Z"}
 health: {modbus: {listen: "127.0.0.1:$modbus", allow_control: true}}
 record: {directory: $scratch/record}
