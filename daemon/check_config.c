@@ -58,7 +58,8 @@ int check_config_exit_status(int r)
     case -EBADMSG:
     case -EFBIG:
         return EX_CONFIG;
-    case -ENOMEM:
+    case -ENOMEM: /* no complaint can say so: it would need memory, too */
+        fputs("otwd: out of memory while the configuration is read\n", stderr);
         return EX_OSERR;
     default:
         return EX_NOINPUT;

@@ -244,6 +244,9 @@ static void tell_written(const struct modbus_replier *replier, const uint8_t *pd
 static int answer_by_library(struct modbus_replier *replier, const uint8_t *request, size_t size,
                              uint8_t *answer)
 {
+    /* An answer that could not be taken would be the next request's, and so on for ever. */
+    while (recv(replier->pair[1], answer, MODBUS_ADU_MAX, MSG_DONTWAIT) > 0)
+        ;
     if (modbus_reply(replier->modbus, request, (int)size, replier->mapping) < 0)
         return refuse(request, MODBUS_EXCEPTION_SLAVE_OR_SERVER_FAILURE, answer);
     ssize_t got = recv(replier->pair[1], answer, MODBUS_ADU_MAX, MSG_DONTWAIT);

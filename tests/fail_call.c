@@ -7,7 +7,8 @@
  * FAIL_SITE (hexadecimal; optional) counts only the calls that return to that place of the
  * program, whichever thread is first. FAIL_AT is the number of the call that fails, from 1 on, 0
  * for none; where FAIL_ONWARD is set those after it fail, too. FAIL_AFTER_S: calls count from then
- * on. FAIL_WHILE: calls count while there is a file of that name. FAIL_LIST is a file that receives
+ * on. FAIL_WHILE: calls count while there is a file of that name; what stands in it takes the place
+ * of FAIL_SITE. FAIL_LIST is a file that receives
  * at exit, or when the program is stopped in order, a line "site calls" for each place that asked.
  * FAIL_DONE is a file that is there once a call has failed.
  */
@@ -15,6 +16,7 @@
 #include <epoxy/egl.h>
 #include <epoxy/gl.h>
 #include <errno.h>
+#include <fcntl.h>
 #include <link.h>
 #include <stdarg.h>
 #include <stdatomic.h>
@@ -92,12 +94,29 @@ static void note_site(uintptr_t site)
     }
 }
 
+/* Once, or once again after somebody has removed it where places take turns. */
 static void touch_done(void)
 {
-    FILE *out =
-        atomic_exchange(&state.has_failed, true) || !state.done ? NULL : fopen(state.done, "w");
+    bool before = atomic_exchange(&state.has_failed, true);
+    if (!state.done || (before && (!state.during || access(state.done, F_OK) == 0)))
+        return;
+    FILE *out = fopen(state.done, "w");
     if (out)
         fclose(out);
+}
+
+/* False where there is no file: else its text, a site, in place of `site`. */
+static bool read_during(uintptr_t *site)
+{
+    char text[32] = "";
+    int fd = open(state.during, O_RDONLY | O_CLOEXEC);
+    if (fd < 0)
+        return false;
+    ssize_t size = read(fd, text, sizeof(text) - 1);
+    close(fd);
+    if (size > 1)
+        *site = strtoul(text, NULL, 16);
+    return true;
 }
 
 static bool fails(enum class class, const void *return_address)
@@ -105,13 +124,13 @@ static bool fails(enum class class, const void *return_address)
     uintptr_t caller = (uintptr_t)return_address;
     if ((int)class != state.class || caller < state.counted.start || caller >= state.counted.end)
         return false;
-    uintptr_t site = caller - state.counted.base;
+    uintptr_t site = caller - state.counted.base, wanted = state.site;
     if (state.after_s > 0.0 && now_s() < state.after_s)
         return false;
-    if (state.during && access(state.during, F_OK) != 0)
+    if (state.during && !read_during(&wanted))
         return false;
     note_site(site);
-    if (state.site && site != state.site)
+    if (wanted && site != wanted)
         return false;
     unsigned long call = atomic_fetch_add(&state.calls, 1) + 1;
     if (state.at == 0 || call < state.at || (call > state.at && !state.onward))
