@@ -214,7 +214,7 @@ int cigi_read(struct cigi_reader *reader, struct cigi_packet *ret_packet,
     enum cigi_kind kind = cigi_kind_from_id(g, id);
     if (kind < CIGI_KINDS)
         return decode_packet(reader, start, size, kind, ret_packet, ret_rejection);
-    const char *name = cigi_id_name(g, id);
+    const char *name = cigi_other_name(g, id);
     reject(ret_rejection, REJECT_NONE, start, "packet %u, %s", id, name ? name : "unknown");
     return name ? CIGI_SKIPPED : CIGI_UNKNOWN;
 }

@@ -449,11 +449,8 @@ enum cigi_kind cigi_kind_from_id(int generation, unsigned id)
     return (enum cigi_kind)kind;
 }
 
-const char *cigi_id_name(int generation, unsigned id)
+const char *cigi_other_name(int generation, unsigned id)
 {
-    enum cigi_kind kind = cigi_kind_from_id(generation, id);
-    if (kind < CIGI_KINDS)
-        return cigi_layouts[kind].name;
     for (size_t i = 0; i < sizeof(others) / sizeof(others[0]); i++) {
         if (others[i].id[generation] == (int)id)
             return others[i].name;

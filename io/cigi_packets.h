@@ -360,5 +360,5 @@ extern const struct cigi_layout cigi_layouts[CIGI_KINDS];
 /* The kind that an id names in 3.x (0) or 4.0 (1), or CIGI_KINDS. */
 enum cigi_kind cigi_kind_from_id(int generation, unsigned id);
 
-/* The name that the standard gives to an id, or NULL where it gives none. */
-const char *cigi_id_name(int generation, unsigned id);
+/* The name that the standard gives to an id without a kind, or NULL where it gives none. */
+const char *cigi_other_name(int generation, unsigned id);

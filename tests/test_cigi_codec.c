@@ -357,7 +357,7 @@ static void test_what_is_passed_over(void)
     CHECK_CONTAINS(why.text, "Sensor Control");
     read_second("c808000000000000", &why, &third);
     CHECK_CONTAINS(why.text, "unknown");
-    CHECK(cigi_id_name(0, 34) && cigi_id_name(1, 0x26) && !cigi_id_name(1, 0x27));
+    CHECK(cigi_other_name(0, 34) && cigi_other_name(1, 0x26) && !cigi_other_name(1, 0x27));
 }
 
 static void test_no_room(void)

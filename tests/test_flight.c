@@ -101,6 +101,7 @@ static void a_flight_that_is_not_there_is_named(void)
     CHECK_INT(flight_load("no/such.csv", &params, &flight, &diag), -ENOENT);
     CHECK_CONTAINS(diag.text, "no/such.csv: No such file");
     CHECK_INT(flight_load("/", &params, &flight, &diag), -EISDIR);
+    CHECK_INT(flight_load("/dev/null", &params, &flight, &diag), -EBADMSG);
     flight_destroy(NULL);
 }
 

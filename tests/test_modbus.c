@@ -403,6 +403,43 @@ static void descriptors_beyond_1023_are_served(void)
     modbus_server_close(server);
 }
 
+static void without_descriptors_it_rests_and_comes_back(void)
+{
+    struct rlimit limit;
+    struct modbus_server *server = open_plain();
+    int fd = connect_client(server), next = dup(0); /* the kernel has accepted it, we have not */
+    uint8_t a[260];
+    close(next);
+    getrlimit(RLIMIT_NOFILE, &limit);
+    const struct rlimit tight = {.rlim_cur = (rlim_t)next, .rlim_max = limit.rlim_max};
+    CHECK_INT(setrlimit(RLIMIT_NOFILE, &tight), 0);
+    CHECK_INT(modbus_server_dispatch(server, clock_monotonic_ns()), 0);
+    CHECK_INT(modbus_server_clients(server), 0);
+    CHECK_INT(poll(&(struct pollfd){modbus_server_fd(server), POLLIN, 0}, 1, 0), 0);
+    CHECK_INT(setrlimit(RLIMIT_NOFILE, &limit), 0);
+    CHECK_INT(ASK(server, fd, a, 4, 0, 0, 0, 1), 4);
+    close(fd);
+    modbus_server_close(server);
+}
+
+static void a_connection_that_is_reset_is_given_up(void)
+{
+    const struct linger at_once = {.l_onoff = 1};
+    struct modbus_server *server = open_plain();
+    int fd = connect_client(server), other = connect_client(server);
+    uint8_t a[260];
+    CHECK_INT(ASK(server, fd, a, 4, 0, 45, 0, 1), 4);
+    CHECK_INT(ASK(server, other, a, 4, 0, 45, 0, 1), 4);
+    CHECK_INT(a[3], 2);
+    CHECK_INT(setsockopt(fd, SOL_SOCKET, SO_LINGER, &at_once, sizeof(at_once)), 0);
+    close(fd);
+    CHECK_INT(modbus_server_dispatch(server, clock_monotonic_ns()), 0);
+    CHECK_INT(ASK(server, other, a, 4, 0, 45, 0, 1), 4);
+    CHECK_INT(a[3], 1);
+    close(other);
+    modbus_server_close(server);
+}
+
 static void an_address_in_use_is_named(void)
 {
     struct modbus_server *server = open_plain(), *second = NULL;
@@ -537,6 +574,9 @@ int main(void)
         {"idle clients are closed and dripping bytes do not count",
          idle_clients_are_closed_and_dripping_bytes_do_not_count},
         {"descriptors beyond 1023 are served", descriptors_beyond_1023_are_served},
+        {"without descriptors it rests and comes back",
+         without_descriptors_it_rests_and_comes_back},
+        {"a connection that is reset is given up", a_connection_that_is_reset_is_given_up},
         {"an address in use is named", an_address_in_use_is_named},
         {"our client reads what our server publishes", our_client_reads_what_our_server_publishes},
         {"mbpoll reads the map", mbpoll_reads_the_map},

@@ -185,6 +185,33 @@ static void a_file_that_shrinks_while_it_is_read_harms_nobody(void)
     unlink(path);
 }
 
+/* A file that is too large, and two of the kernel's, which say 4096 bytes: one has fewer, reading
+ * the other fails. */
+static void files_that_lie_about_their_size_are_told(void)
+{
+    static const char fewer[] = "/sys/devices/system/cpu/online",
+                      fails[] = "/sys/class/net/lo/speed";
+    const struct flight_params params = {.force_protocol = false};
+    struct flight *flight = NULL;
+    struct diag diag;
+    char byte;
+    put_file("vast.otwlog", "OTWLOG", 8 * KIB * KIB);
+    CHECK_INT(truncate(path_of("vast.otwlog"), (INT64_C(8) << 30) + 1), 0);
+    CHECK_INT(flight_load(path_of("vast.otwlog"), &params, &flight, &diag), -EFBIG);
+    CHECK_CONTAINS(diag.text, "vast.otwlog: File too large");
+    CHECK_INT(unlink(path_of("vast.otwlog")), 0);
+    if (access(fewer, R_OK) == 0) {
+        CHECK_INT(flight_load(fewer, &params, &flight, &diag), -EBADMSG);
+        CHECK_CONTAINS(diag.text, "not a flight");
+    }
+    int fd = open(fails, O_RDONLY | O_CLOEXEC);
+    if (fd >= 0 && read(fd, &byte, 1) < 0) {
+        CHECK_INT(flight_load(fails, &params, &flight, &diag), -EINVAL);
+        CHECK_CONTAINS(diag.text, "/sys/class/net/lo/speed: ");
+    }
+    close(fd);
+}
+
 static const struct check_test tests[] = {
     {"the oldest recordings give way", the_oldest_give_way},
     {"what is not a recording stays", what_is_not_ours_stays},
@@ -192,6 +219,7 @@ static const struct check_test tests[] = {
     {"runs share one limit", runs_share_one_limit},
     {"a file that shrinks while it is read harms nobody",
      a_file_that_shrinks_while_it_is_read_harms_nobody},
+    {"files that lie about their size are told", files_that_lie_about_their_size_are_told},
 };
 
 int main(void)
