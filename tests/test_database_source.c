@@ -181,7 +181,8 @@ static void test_speed(void)
         sum += point_m(source, 60.0 + 1e-5 * i, -22.3 + 0.6e-5 * i);
     double point_ns = (double)(clock_thread_cpu_ns() - begin) / 100000.0;
     printf("     %.1f ns a post, %.0f ns a point (sum %g)\n", ns, point_ns, sum);
-    CHECK(ns < 500.0); /* ten times the aim: a sanitizer or a busy machine is no failure */
+    if (!getenv("OTWD_TESTS_ARE_SLOW"))
+        CHECK(ns < 500.0); /* ten times the aim: a busy machine is no failure */
     terrain_source_destroy(source);
 }
 

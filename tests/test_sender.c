@@ -265,7 +265,8 @@ static void what_is_sent_arrives(void)
                 protocol == POSE_PROTOCOL_CANAEROSPACE ? bus : "127.0.0.1:0", &last, &sending);
         CHECK_INT(sending.r, 0);
         CHECK_INT(sending.result.failed, 0);
-        CHECK(accepted >= 41 && accepted <= 44);
+        if (!getenv("OTWD_TESTS_ARE_SLOW"))
+            CHECK(accepted >= 41 && accepted <= 44);
         /* DIS goes on where it was going, for as long as it was listened to. */
         bool carries = protocol == POSE_PROTOCOL_DIS;
         CHECK_NEAR(last.position.lon_deg, 10.002, carries ? 2e-3 : 1e-6);
