@@ -26,11 +26,13 @@ start_daemon otwd.yaml
 
 status | grep -q '"state": "active"' || fail "the bus of the table is not active"
 
-# flies PROTOCOL PORT SOURCE: the flight arrives and drives.
+# flies PROTOCOL PORT SOURCE LATITUDE: a flight that ends at a latitude of its own, so that no
+# place of the flight before it is taken for its end, arrives and drives.
 flies() {
-    start "$1.log" "$OTWD" send flight.csv --to "udp://127.0.0.1:$2" --protocol "$1" --rate 30
+    sed "s/46\.51,/$4,/" flight.csv >"$1.csv"
+    start "$1.log" "$OTWD" send "$1.csv" --to "udp://127.0.0.1:$2" --protocol "$1" --rate 30
     wait_for 8 is source "$3" || fail "$1: active source $(field source)"
-    wait_for 8 near lat_deg 46.51 1e-6 || fail "$1: latitude $(field lat_deg)"
+    wait_for 8 near lat_deg "$4" 1e-6 || fail "$1: latitude $(field lat_deg)"
     near lon_deg 7.91 1e-6 || fail "$1: longitude $(field lon_deg)"
     near height_m 4000 0.05 || fail "$1: height $(field height_m)"
     near heading_deg 90 0.02 || fail "$1: heading $(field heading_deg)"
@@ -38,9 +40,9 @@ flies() {
     kill "$started"
 }
 
-flies flightgear "$flightgear" 3
-flies xplane "$xplane" 2
-flies dis "$dis" 1
+flies flightgear "$flightgear" 3 46.51
+flies xplane "$xplane" 2 46.52
+flies dis "$dis" 1 46.53
 # a candump log is read by the table, and is nothing without it
 cat >vendor.log <<'LOG'
 (1700000000.000000) can0 120#A00F
