@@ -9,12 +9,15 @@
 struct stage {
     const char *suffix;
     GLenum type;
+    const char *head;
 };
 
+#define HEAD "#version 450 core\n#define FRAGMENT "
+
 static const struct stage stages[] = {
-    {"vert", GL_VERTEX_SHADER},          {"tesc", GL_TESS_CONTROL_SHADER},
-    {"tese", GL_TESS_EVALUATION_SHADER}, {"geom", GL_GEOMETRY_SHADER},
-    {"frag", GL_FRAGMENT_SHADER},        {"comp", GL_COMPUTE_SHADER},
+    {"vert", GL_VERTEX_SHADER, HEAD "0\n"},          {"tesc", GL_TESS_CONTROL_SHADER, HEAD "0\n"},
+    {"tese", GL_TESS_EVALUATION_SHADER, HEAD "0\n"}, {"geom", GL_GEOMETRY_SHADER, HEAD "0\n"},
+    {"frag", GL_FRAGMENT_SHADER, HEAD "1\n"},        {"comp", GL_COMPUTE_SHADER, HEAD "0\n"},
 };
 #define STAGES (sizeof(stages) / sizeof(stages[0]))
 
@@ -35,7 +38,7 @@ static void find_sources(const struct program_params *params, const struct stage
     char name[128];
     snprintf(name, sizeof(name), "%s.%s", params->name, stage->suffix);
     const char *own = embedded(name);
-    const char *const sources[SOURCES] = {"#version 450 core\n",
+    const char *const sources[SOURCES] = {stage->head,
                                           params->defines ? params->defines : "",
                                           embedded("common.glsl"),
                                           params->shared[0] ? embedded(params->shared[0]) : "",

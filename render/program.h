@@ -19,7 +19,8 @@ struct program_params {
     const char *shared[2]; /* files put between common.glsl and every stage, or NULL */
 };
 
-/* Every stage is "#version 450 core", the defines, common.glsl, the shared files, then the stage's
- * own. It is taken from the cache of programs (program_cache.h) where it is there. Returns 0 with
- * the program, or -EINVAL with the compiler's first complaint. */
+/* Every stage is "#version 450 core", FRAGMENT (1 in the fragment stage, 0 in the others), the
+ * defines, common.glsl, the shared files, then the stage's own. It is taken from the cache of
+ * programs (program_cache.h) where it is there. Returns 0 with the program, or -EINVAL with the
+ * compiler's first complaint. */
 int program_create(const struct program_params *params, GLuint *ret_program, struct diag *diag);

@@ -134,9 +134,9 @@ static int create_shade_program(const struct renderer *renderer, const struct gl
     size_t used = (size_t)snprintf(
         defines, sizeof(defines),
         "%s#define IMAGE_TAPS %d\n#define STORAGE %d\n#define GRAIN %d\n#define GROUND %d\n"
-        "#define SKY %d\n",
+        "#define SKY %d\n%s",
         image_pass_defines(renderer->images), facts->image_taps, clipmap_storage(&renderer->shape),
-        !facts->software, ground, sky);
+        !facts->software, ground, sky, facts->software ? "#define CARRIED\n" : "");
     describe_samples(renderer, sizeof(defines) - used, defines + used);
     const struct program_params shade = {.name = facts->software ? "shade" : "shade_compute",
                                          .defines = defines,

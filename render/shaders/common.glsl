@@ -13,6 +13,30 @@ struct Pane {
                               // z: the face
 };
 
+// llvmpipe reads a uniform in a fragment stage lane by lane, with some 25 instructions a number, but what is
+// flat across a triangle with one. So where CARRIED is defined the vertex stage hands on what shading needs
+// of the scene, and the fragment stage has it by the same names.
+#if defined(CARRIED) && FRAGMENT
+#define SCENE_CARRIED 1
+#define CARRIED_WAY in
+#define CARRIED_NAME scene
+#else
+#define SCENE_CARRIED 0
+#define CARRIED_WAY out
+#define CARRIED_NAME carried
+#endif
+
+#ifdef CARRIED
+CARRIED_WAY Carried {
+    flat vec4 eye_trig, grid, eye_rest, accuracy, way_back, sun, haze, air, along, parallel, view_rays;
+    flat mat3 enu_from_eye, axes[PANES];
+    flat vec4 base[PANES]; // xy: the pane's; zw: its u0, v0
+    flat ivec2 origin[PANES];
+    flat ivec4 sizes;
+} CARRIED_NAME;
+#endif
+
+#if !SCENE_CARRIED
 layout(std140, binding = 0) uniform Scene {
     mat4 clip_from_enu;   // of positions relative to the eye
     vec4 planes[4];       // the frustum's sides: inward normals, enu; how far inside of them the eye is, m
@@ -52,6 +76,7 @@ layout(std140, binding = 0) uniform Scene {
                                           // columns, rows
     ivec4 groups[MAX_LEVELS]; // select.comp's work groups: the first of each pane's candidates; the end
 } scene;
+#endif
 
 vec3 sky_colour(vec3 direction)
 {
@@ -170,6 +195,7 @@ vec2 exact_tan(vec2 x)
     return 2.0 * s * c / (1.0 - 2.0 * s * s);
 }
 
+#if !SCENE_CARRIED
 // From angles (xi, eta) away from those of the eye on a pane's face.
 vec3 normal_difference_of_angle(int pane, vec2 angle)
 {
@@ -190,6 +216,7 @@ vec3 normal_difference(int pane, ivec2 halves, int level)
     vec2 angle = vec2((halves << level) - at.origin.xy) * scene.grid.x + at.base.xy;
     return normal_difference_of_angle(pane, angle);
 }
+#endif
 
 // How much longer the radius of curvature in the prime vertical is where the normal's polar part is
 // `ds` greater.

@@ -26,10 +26,11 @@ shared_of()
 # a pixel and several; triangles listed and drawn.
 check()
 {
-    stage=${1##*.}
+    stage=${1##*.} fragment=0
+    [ "$stage" != frag ] || fragment=1
     for variant in "0 0 0 1" "1 0 1 2" "0 1 0 2" "1 1 1 1"; do
         {
-            printf '#version 450 core\n'
+            printf '#version 450 core\n#define FRAGMENT %d\n' "$fragment"
             # shellcheck disable=SC2086 # four numbers
             printf '#define COLOUR %d\n#define WATER %d\n#define SPLIT %d\n#define SAMPLES %d\n' $variant
             printf '#define RASTER %d\n#define SENT %d\n' "${variant%% *}" "${variant%% *}"
@@ -43,6 +44,7 @@ check()
             printf '#define PATCH_CELLS 128\n#define BLOCK_CELLS 16\n'
             printf '#define OBLIQUE %d\n#define LOOKS 1\n#define BOX_LOG 4\n' "${variant%% *}"
             printf '#define CORNERS 24\n#define WARP 1\n#define EDGES 1\n'
+            case ${1##*/} in shade.*) echo '#define CARRIED' ;; esac
             shared_of "$1"
             cat "$1"
         } | "$validator" --stdin -S "$stage" >"$output.log" 2>&1 ||

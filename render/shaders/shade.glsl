@@ -27,16 +27,21 @@ struct Spot {
     vec3 along, across; // the directions of slopes: of growing xi, and to its left
 };
 
-// Software rasterisers look up what has an index of its own value by value, so panes are chosen by
-// comparing.
-Pane pane_of(int pane)
+// How a pane lies to the eye.
+struct Lie {
+    mat3 axes;
+    vec2 base, eye;
+    ivec2 origin;
+};
+
+Lie lie_of(int pane)
 {
-    Pane chosen = scene.panes[0];
-    if (pane == 1)
-        chosen = scene.panes[1];
-    else if (pane == 2)
-        chosen = scene.panes[2];
-    return chosen;
+#if SCENE_CARRIED
+    return Lie(scene.axes[pane], scene.base[pane].xy, scene.base[pane].zw, scene.origin[pane]);
+#else
+    Pane at = scene.panes[pane];
+    return Lie(at.axes, at.base.xy, vec2(at.along_xi.w, at.along_eta.w), at.origin.xy);
+#endif
 }
 
 // atan() to 1e-5 for |t| <= 1, an odd polynomial (Abramowitz and Stegun 4.4.49's kind).
@@ -51,21 +56,24 @@ Spot spot_at(vec3 dn)
 {
     Spot spot;
     spot.normal = vec3(dn.xy, 1.0 + dn.z);
+    // Software rasterisers look up what has an index of its own value by value, so panes are chosen by
+    // comparing.
+    Lie at = lie_of(0);
     float most = 0.0;
     for (int p = 0; p < PANES; p++) {
-        float toward = dot(scene.panes[p].axes[0], spot.normal);
+        Lie other = lie_of(p);
+        float toward = dot(other.axes[0], spot.normal);
         if (toward > most) {
             most = toward;
             spot.pane = p;
+            at = other;
         }
     }
-    Pane at = pane_of(spot.pane);
-    spot.origin = at.origin.xy;
-    vec2 eye = vec2(at.along_xi.w, at.along_eta.w);
+    spot.origin = at.origin;
     vec3 d = dn * at.axes; // in the face's axes
-    vec2 change = (d.yz - eye * d.x) / most;
-    vec2 angle = quick_atan(change / (1.0 + eye * (eye + change)));
-    spot.halves = (angle - at.base.xy) / scene.grid.x;
+    vec2 change = (d.yz - at.eye * d.x) / most;
+    vec2 angle = quick_atan(change / (1.0 + at.eye * (at.eye + change)));
+    spot.halves = (angle - at.base) / scene.grid.x;
     spot.along = normalize(at.axes[1] - spot.normal * dot(at.axes[1], spot.normal));
     spot.across = cross(spot.normal, spot.along);
     return spot;
