@@ -168,11 +168,12 @@ static int create_programs(struct block_mesh *mesh, struct diag *diag)
         snprintf(defines, sizeof(defines),
                  "#define BLOCK %d\n#define TABLE %d\n#define DRAWS %u\n"
                  "#define BLOCKS_A_DRAW %u\n#define SPLIT %d\n#define RASTER %d\n"
-                 "#define LANES %d\n#define PANE_LANES %d\n",
+                 "#define LANES %d\n#define PANE_LANES %d\n%s",
                  mesh->shape.block, clipmap_table(&mesh->shape), mesh->draw_count,
                  mesh->blocks_a_draw, programs[i].split, programs[i].raster,
                  mesh->software ? LANES_SOFTWARE : lanes,
-                 mesh->software ? LANES_SOFTWARE : PANE_LANES);
+                 mesh->software ? LANES_SOFTWARE : PANE_LANES,
+                 mesh->software && programs[i].shared ? "#define HELD\n" : "");
         const struct program_params params = {
             .name = programs[i].name, .defines = defines, .shared = {programs[i].shared}};
         r = program_create(&params, programs[i].program, diag);

@@ -20,7 +20,7 @@ int entry_of(ivec2 block, int level, int pane)
 // be split.
 float corner_reach(ivec2 corner, int level, int pane)
 {
-    ivec4 blocks = scene.candidates[PANES * (level - 1) + pane] >> 1;
+    ivec4 blocks = scene_block.candidates[PANES * (level - 1) + pane] >> 1;
     ivec2 at = corner - blocks.xy;
     bool known = all(greaterThanEqual(at, ivec2(0))) && all(lessThanEqual(at, blocks.zw));
     return known && blocks.z > 0 ? corner_reaches[entry_of(corner, level, pane)] : 0.0;

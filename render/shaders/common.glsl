@@ -37,7 +37,7 @@ CARRIED_WAY Carried {
 #endif
 
 #if !SCENE_CARRIED
-layout(std140, binding = 0) uniform Scene {
+struct Scene {
     mat4 clip_from_enu;   // of positions relative to the eye
     vec4 planes[4];       // the frustum's sides: inward normals, enu; how far inside of them the eye is, m
     vec4 eye_trig;        // sin and cos of the latitude; N0; height above the ellipsoid, m
@@ -65,6 +65,10 @@ layout(std140, binding = 0) uniform Scene {
     mat4 enu_from_eye;
     ivec4 sizes;          // x: log2 of the half-posts of level 0 along the ground texture's largest tile;
                           // y: half-posts along a face at level 0; zw: finest and coarsest level held
+};
+
+layout(std140, binding = 0) uniform SceneBlock {
+    Scene scene;
     Pane panes[PANES];
     ivec4 edges[4 * PANES]; // across the sides west, east, south, north of a pane: the neighbour's pane
                             // (-1: not near), side, 1 where it runs backwards, its face
@@ -75,7 +79,25 @@ layout(std140, binding = 0) uniform Scene {
     ivec4 candidates[PANES * MAX_LEVELS]; // blocks that may be drawn or split: first column, first row,
                                           // columns, rows
     ivec4 groups[MAX_LEVELS]; // select.comp's work groups: the first of each pane's candidates; the end
-} scene;
+} scene_block;
+
+// A compute stage of llvmpipe's reads uniforms as slowly in branches and loops, where not all lanes are sure
+// to run. So where HELD is defined they are read at its beginning: main() calls hold_scene(). Not so arrays
+// of the block, whose indices are no constants.
+#ifdef HELD
+Scene scene;
+
+void hold_scene()
+{
+    scene = scene_block.scene;
+}
+#else
+#define scene scene_block.scene
+
+void hold_scene()
+{
+}
+#endif
 #endif
 
 vec3 sky_colour(vec3 direction)
@@ -199,7 +221,7 @@ vec2 exact_tan(vec2 x)
 // From angles (xi, eta) away from those of the eye on a pane's face.
 vec3 normal_difference_of_angle(int pane, vec2 angle)
 {
-    Pane at = scene.panes[pane];
+    Pane at = scene_block.panes[pane];
     vec2 t = exact_tan(angle);
     vec2 g = t / (1.0 - vec2(at.along_xi.w, at.along_eta.w) * t);
     vec3 m = g.x * at.along_xi.xyz + g.y * at.along_eta.xyz;
@@ -212,7 +234,7 @@ vec3 normal_difference_of_angle(int pane, vec2 angle)
 // From a half-post of a level on a pane's face.
 vec3 normal_difference(int pane, ivec2 halves, int level)
 {
-    Pane at = scene.panes[pane];
+    Pane at = scene_block.panes[pane];
     vec2 angle = vec2((halves << level) - at.origin.xy) * scene.grid.x + at.base.xy;
     return normal_difference_of_angle(pane, angle);
 }

@@ -44,7 +44,10 @@ check()
             printf '#define PATCH_CELLS 128\n#define BLOCK_CELLS 16\n'
             printf '#define OBLIQUE %d\n#define LOOKS 1\n#define BOX_LOG 4\n' "${variant%% *}"
             printf '#define CORNERS 24\n#define WARP 1\n#define EDGES 1\n'
-            case ${1##*/} in shade.*) echo '#define CARRIED' ;; esac
+            case ${1##*/} in
+            shade.*) echo '#define CARRIED' ;;
+            reach.* | select.* | mesh.*) [ "${variant%% *}" = 0 ] || echo '#define HELD' ;;
+            esac
             shared_of "$1"
             cat "$1"
         } | "$validator" --stdin -S "$stage" >"$output.log" 2>&1 ||

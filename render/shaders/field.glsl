@@ -66,12 +66,12 @@ vec3 field_enu(ivec2 post, float height)
 // Where the eye is, in whole posts, and what is left of it (at most half a post).
 ivec2 field_eye_post()
 {
-    return (scene.panes[FIELD_PANE].origin.xy >> 1) - ivec2(FIELD_COL, FIELD_ROW);
+    return (scene_block.panes[FIELD_PANE].origin.xy >> 1) - ivec2(FIELD_COL, FIELD_ROW);
 }
 
 vec2 field_eye_rest()
 {
-    Pane pane = scene.panes[FIELD_PANE];
+    Pane pane = scene_block.panes[FIELD_PANE];
     return 0.5 * vec2(pane.origin.xy & 1) - 0.5 * pane.base.xy / scene.grid.x;
 }
 
@@ -86,7 +86,7 @@ vec3 field_difference(vec2 posts_from_eye)
 // Earth.
 vec2 field_posts_from_eye(vec3 dn)
 {
-    Pane at = scene.panes[FIELD_PANE];
+    Pane at = scene_block.panes[FIELD_PANE];
     vec2 eye = vec2(at.along_xi.w, at.along_eta.w);
     vec3 d = dn * at.axes; // in the face's axes
     vec2 change = (d.yz - eye * d.x) / dot(at.axes[0], vec3(dn.xy, 1.0 + dn.z));

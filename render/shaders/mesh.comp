@@ -55,9 +55,9 @@ struct Name {
 Name lowest_name(Name own, int end)
 {
     Name lowest = own;
-    int face = scene.panes[own.pane].origin.z;
+    int face = scene_block.panes[own.pane].origin.z;
     for (int side = 0; side < 4; side++) {
-        ivec4 edge = scene.edges[4 * own.pane + side];
+        ivec4 edge = scene_block.edges[4 * own.pane + side];
         ivec2 at = side < 2 ? own.halves : own.halves.yx; // across, along
         if (at.x != (side & 1) * end || edge.x < 0 || edge.w >= face)
             continue;
@@ -80,7 +80,7 @@ float reach_at(Block block, ivec2 halves, int level)
     vec2 at = vec2(halves - (2 * block.place.xy & ~(side - 1))) / float(side);
     float reach = between(between(block.reaches.x, block.reaches.y, at.x),
                           between(block.reaches.z, block.reaches.w, at.x), at.y);
-    return min(reach, scene.levels[level].y);
+    return min(reach, scene_block.levels[level].y);
 }
 
 vec2 heights_at(int layer, ivec2 post)
@@ -315,6 +315,7 @@ void place_vertices(Block block, uint first)
 
 void main()
 {
+    hold_scene();
     uint index = gl_WorkGroupID.x, first = index * uint(VERTICES);
     int lane = int(gl_LocalInvocationIndex);
     if (index >= uint(DRAWS * BLOCKS_A_DRAW))

@@ -19,7 +19,7 @@ float error_of_children(ivec2 block, int level, int pane)
 {
     vec2 corner = vec2(wrapped(2 * block) + 1) / float(TABLE); // that all four share
     vec4 errors = textureGather(bounds, vec3(corner, PANES * (level - 1) + pane), 2);
-    return max(max(errors.x, errors.y), max(errors.z, errors.w)) + scene.levels[level].z;
+    return max(max(errors.x, errors.y), max(errors.z, errors.w)) + scene_block.levels[level].z;
 }
 
 // The farthest that the children may be split, and those of blocks beside. `children`: of which level
@@ -32,7 +32,7 @@ float reach_of_children(ivec2 block, int level, ivec4 children)
         for (int x = at.x; x <= at.x + 4; x += 2)
             if (x >= 0 && x <= children.z && y >= 0 && y <= children.w)
                 most = max(most, finer[y * (children.z + 1) + x]);
-    return min(most, scene.levels[level - 2].x);
+    return min(most, scene_block.levels[level - 2].x);
 }
 
 float reach_of(ivec2 block, int level, int pane, ivec4 children)
@@ -40,7 +40,7 @@ float reach_of(ivec2 block, int level, int pane, ivec4 children)
     float reach = error_of_children(block, level, pane) * scene.accuracy.x - scene.accuracy.w;
     float most = level > 1 ? reach_of_children(block, level, children) : 0.0;
     if (most > scene.grid.y) // else none of them is split
-        reach = max(reach, (most + 2.0 * scene.levels[level - 1].w) * GROWTH);
+        reach = max(reach, (most + 2.0 * scene_block.levels[level - 1].w) * GROWTH);
     return reach;
 }
 
@@ -61,11 +61,12 @@ float reach_at_corner(ivec2 corner, ivec4 blocks, int level)
 
 void main()
 {
+    hold_scene();
     int lane = int(gl_LocalInvocationIndex), pane = int(gl_WorkGroupID.x);
     const ivec4 NONE = ivec4(0, 0, -1, -1);
     ivec4 children = NONE;
     for (int level = 1; level <= scene.sizes.w; level++) {
-        ivec4 blocks = scene.candidates[PANES * (level - 1) + pane] >> 1; // the parents of the finer level's
+        ivec4 blocks = scene_block.candidates[PANES * (level - 1) + pane] >> 1; // the parents of the finer level's
         for (int at = lane; at < blocks.z * blocks.w; at += LANES_MOST)
             own[at] = reach_of(blocks.xy + ivec2(at % blocks.z, at / blocks.z), level, pane, children);
         barrier();

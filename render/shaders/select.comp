@@ -34,8 +34,8 @@ bool is_split(ivec2 block, int level, int pane)
         return false;
     vec4 reaches = corner_reaches_of(block, level, pane);
     float reach = max(max(reaches.x, reaches.y), max(reaches.z, reaches.w));
-    float end = min(reach, scene.levels[level - 1].x);
-    float across = max(length(middle_of(block, level, pane)) - scene.levels[level].w, 0.0);
+    float end = min(reach, scene_block.levels[level - 1].x);
+    float across = max(length(middle_of(block, level, pane)) - scene_block.levels[level].w, 0.0);
     return across * across + scene.grid.y * scene.grid.y < end * end;
 }
 
@@ -50,7 +50,7 @@ const float LOWEST_LAND_M = 500.0; // below the ellipsoid: deeper than the shore
 
 bool splits_at(ivec2 block, int level, int pane)
 {
-    ivec4 candidates = scene.candidates[PANES * level + pane];
+    ivec4 candidates = scene_block.candidates[PANES * level + pane];
     ivec2 at = block - candidates.xy;
     return all(greaterThanEqual(at, ivec2(0))) && all(lessThan(at, candidates.zw)) &&
            splits[entry_of(block, level, pane)] == 1u;
@@ -62,7 +62,7 @@ bool splits_across(ivec2 block, int level, int pane, int side)
     int last = (scene.sizes.y >> (level + 1)) / BLOCK - 1;
     ivec2 across = block + (side < 2 ? ivec2(2 * side - 1, 0) : ivec2(0, 2 * side - 5));
     if (any(lessThan(across, ivec2(0))) || any(greaterThan(across, ivec2(last)))) {
-        ivec4 edge = scene.edges[4 * pane + side];
+        ivec4 edge = scene_block.edges[4 * pane + side];
         int way = side < 2 ? block.y : block.x;
         if (edge.x < 0)
             return false;
@@ -104,7 +104,7 @@ bool can_be_seen(ivec2 block, int level, int pane, vec3 middle)
         corners[2 * i] = enu_from_difference(dn, height.x, rise_of(height.x));
         corners[2 * i + 1] = enu_from_difference(dn, height.y, rise_of(height.y));
     }
-    float bound = scene.levels[level].w;
+    float bound = scene_block.levels[level].w;
     // Between its corners a block bulges over their plane; and a chord of normals, times the least radius 
     // of curvature, is nearer than the place itself.
     float bulge_m = WGS84_A * bound * bound + 1.0;
@@ -120,7 +120,7 @@ void choose(ivec2 block, int level, int pane)
     if (level < scene.sizes.w && !splits_at(block >> 1, level + 1, pane))
         return;
     vec3 middle = middle_of(block, level, pane);
-    vec4 own = scene.levels[level];
+    vec4 own = scene_block.levels[level];
     if (level == scene.sizes.w && length(middle) + own.w > own.x)
         return;
     if (!can_be_seen(block, level, pane, middle))
@@ -140,6 +140,7 @@ void choose(ivec2 block, int level, int pane)
 
 void main()
 {
+    hold_scene();
 #if SPLIT
     if (gl_WorkGroupID.x == 0u) {
         for (uint i = gl_LocalInvocationIndex; i < uint(DRAWS); i += 64u)
@@ -148,11 +149,11 @@ void main()
     }
 #endif
     int group = int(gl_WorkGroupID.x), level = 0;
-    while (level < scene.sizes.w && group >= scene.groups[level].w)
+    while (level < scene.sizes.w && group >= scene_block.groups[level].w)
         level++;
-    ivec4 groups = scene.groups[level];
+    ivec4 groups = scene_block.groups[level];
     int pane = int(group >= groups.y) + int(group >= groups.z);
-    ivec4 candidates = scene.candidates[PANES * level + pane];
+    ivec4 candidates = scene_block.candidates[PANES * level + pane];
     int first = pane == 0 ? groups.x : pane == 1 ? groups.y : groups.z;
     int index = 64 * (group - first) + int(gl_LocalInvocationIndex);
     if (index >= candidates.z * candidates.w)

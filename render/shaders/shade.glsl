@@ -39,7 +39,7 @@ Lie lie_of(int pane)
 #if SCENE_CARRIED
     return Lie(scene.axes[pane], scene.base[pane].xy, scene.base[pane].zw, scene.origin[pane]);
 #else
-    Pane at = scene.panes[pane];
+    Pane at = scene_block.panes[pane];
     return Lie(at.axes, at.base.xy, vec2(at.along_xi.w, at.along_eta.w), at.origin.xy);
 #endif
 }

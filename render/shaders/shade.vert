@@ -20,7 +20,7 @@ void main()
     carried.enu_from_eye = mat3(scene.enu_from_eye);
     carried.sizes = scene.sizes;
     for (int p = 0; p < PANES; p++) {
-        Pane pane = scene.panes[p];
+        Pane pane = scene_block.panes[p];
         carried.axes[p] = pane.axes;
         carried.base[p] = vec4(pane.base.xy, pane.along_xi.w, pane.along_eta.w);
         carried.origin[p] = pane.origin.xy;
