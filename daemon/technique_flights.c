@@ -46,10 +46,13 @@ void flown_finish(struct flown *flown)
     samples_finish(&flown->motion_px);
 }
 
-/* The truth of a frame is kept. */
+/* The truth of a frame is kept. The first look tells how near the ground is, which says what is
+ * loaded for the second. */
 static int keep_truth(struct stage *stage, nsec_t time_ns, struct view *ret_view)
 {
     int r = stage_go(stage, time_ns, true, ret_view);
+    if (r == 0)
+        r = stage_go(stage, time_ns, true, ret_view);
     if (r < 0)
         return r;
     technique_show(stage->truth, &stage->params, stage->renderer, ret_view, NULL, NULL);
@@ -157,9 +160,7 @@ static int judge_all(struct stage *stage, const struct flights_params *params, s
     for (int frame = 0; frame < params->frames; frame += params->every) {
         nsec_t time_ns = frame * params->step_ns;
         struct view view;
-        int r = frame == 0 ? stage_go(stage, 0, true, &view) : 0; /* how near the ground is */
-        if (r == 0)
-            r = keep_truth(stage, time_ns, &view);
+        int r = keep_truth(stage, time_ns, &view);
         quality_ask(stage->quality);
         for (int i = 0; r == 0 && i < count; i++)
             r = judge(stage, params, &flown[i], time_ns, &view);

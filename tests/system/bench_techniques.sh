@@ -86,6 +86,25 @@ awk -F, 'NR == 1 { for (i = 1; i <= NF; i++) at[$i] = i; next }
 [ "$(wc -l <asked/frames.csv)" = 6 ] || fail "frames.csv: $(cat asked/frames.csv)"
 grep -q 'settings that were asked for' asked/report.html || fail "report.html has no table"
 
+# Each is judged by the same picture of the truth, whatever was shown before it: over a descent, so that each
+# frame needs finer levels than the one before.
+cat >descent.csv <<END
+# altitude: egm96
+time_s,lat_deg,lon_deg,alt_m,roll_deg,pitch_deg,heading_deg
+0,46.3,9.2,20000,0,-30,60
+1,46.301,9.201,3500,0,-30,60
+END
+# judged TECHNIQUE TECHNIQUE: a line "TECHNIQUE PSNR PSNR" of each, least and mean, in the alphabet's order.
+judged() {
+    "$OTWD" bench --flight descent.csv --size 160x90 --rate 1 --posts 513 --rounds 1 --every 1 \
+        --techniques "$1,$2" --report descent >/dev/null 2>&1 || fatal "the descent is not flown"
+    awk -F, 'NR == 1 { for (i = 1; i <= NF; i++) at[$i] = i; next }
+        { print $2, $at["psnr_db_min"], $at["psnr_db_mean"] }' descent/flown.csv | sort
+}
+one=$(judged cdlod@8 clipmap@1)
+other=$(judged clipmap@1 cdlod@8)
+[ "$one" = "$other" ] || fail "in one order $one, in the other $other"
+
 # A flight that leaves the ground: the row says so.
 printf '20,47,10,3000,0,-30,65\n' >>flight.csv
 measure gone --techniques reference --spacing 4
