@@ -128,6 +128,8 @@ int vertex_of(ivec2 halves)
                                : POSTS + BLOCK * (2 + int(halves.y > 0)) + (halves.x >> 1);
 }
 
+#if RASTER
+
 // Where what is before the near plane of a triangle that it cuts lies on the screen: x / w and y / w, a
 // little more where its corners are far aside, for rounding.
 void cut_range(vec4 corners[3], out vec2 least, out vec2 most)
@@ -153,6 +155,17 @@ void cut_range(vec4 corners[3], out vec2 least, out vec2 most)
     least -= margin;
     most += margin;
 }
+
+#else
+
+// What is but listed is kept: software runs both sides of a branch, and such triangles are few.
+void cut_range(vec4 corners[3], out vec2 least, out vec2 most)
+{
+    least = vec2(-1.0);
+    most = vec2(1.0);
+}
+
+#endif
 
 // The columns and rows of the lattice in which a triangle may have samples. False where there are
 // none, for it is behind, beside, turned away, or lies between samples.
