@@ -51,12 +51,12 @@ struct Name {
     ivec2 halves;
 };
 
-// `end`: half-posts along a face.
-Name lowest_name(Name own, int end)
+// `end`: half-posts along a face. `sides`: 4, or 0 where it is on none; software leaves a loop, but no branch.
+Name lowest_name(Name own, int end, int sides)
 {
     Name lowest = own;
     int face = scene_block.panes[own.pane].origin.z;
-    for (int side = 0; side < 4; side++) {
+    for (int side = 0; side < sides; side++) {
         ivec4 edge = scene_block.edges[4 * own.pane + side];
         ivec2 at = side < 2 ? own.halves : own.halves.yx; // across, along
         if (at.x != (side & 1) * end || edge.x < 0 || edge.w >= face)
@@ -93,8 +93,8 @@ vec3 vertex_at(Block block, ivec2 halves)
     int level = block.place.z & 31;
     Name name = Name(block.place.z >> 5, halves);
     int end = scene.sizes.y >> level;
-    if (any(lessThanEqual(name.halves, ivec2(0))) || any(greaterThanEqual(name.halves, ivec2(end))))
-        name = lowest_name(name, end);
+    bool inside = all(greaterThan(name.halves, ivec2(0))) && all(lessThan(name.halves, ivec2(end)));
+    name = lowest_name(name, end, inside ? 0 : 4);
     int layer = PANES * level + name.pane;
     vec3 dn = normal_difference(name.pane, name.halves, level);
     vec2 pair = heights_at(layer, name.halves >> 1);
