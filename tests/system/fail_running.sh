@@ -100,9 +100,13 @@ answers() {
 is_well() {
     is code 302 || is code 301 || is code 0
 }
+can_dig() {
+    ! grep -q allow_dig otwd.yaml ||
+        "$OTWD" dig "udp://127.0.0.1:$port" crater --at 46.51,7.91 --radius-m 300 --depth-m 30
+}
 provoke() {
     status >/dev/null 2>&1
-    "$OTWD" dig "udp://127.0.0.1:$port" crater --at 46.51,7.91 --radius-m 300 --depth-m 30 >dig.log 2>&1
+    can_dig >dig.log 2>&1
     sed -i "s/^display: .*/display: {width: $((128 - width)), height: 36, rate_hz: 20}/" otwd.yaml
     width=$((128 - width))
     kill -HUP "$daemon"
@@ -143,6 +147,7 @@ for class in ${all#all} $([ "$all" != all ] || echo socket file memory gl sqlite
             continue
         fi
         goes_on "$what" 5
+        wait_for 20 can_dig || fail "$what: cannot be dug afterwards" # which ends fault 204
         wait_for 30 is_well || fail "$what: fault $(field code) stays"
         echo "$what: $([ -e failed ] && echo failed || echo not called):" \
             "$(tail -n "+$before" otwd.log | grep -o 'fault=[0-9]*' | sort -u | tr '\n' ' ')"
