@@ -27,7 +27,7 @@ struct source_slot {
     unsigned index;             /* in the configuration and in the arbiter */
     struct pose_source *source; /* NULL while it cannot be opened */
     struct cigi_source *cigi;   /* of sources of that type, as long as `source` */
-    sd_event_source *event;
+    sd_event_source *event;     /* NULL also while it is not waited for, for it cannot be read */
     nsec_t retry_ns;
     /* When it last could not be read, refused a packet, or lost one to a full queue; 0 = never. */
     nsec_t failed_ns, refused_ns, overrun_ns;

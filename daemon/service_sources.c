@@ -152,6 +152,18 @@ static void on_dig(void *context, struct pose_source *source, const struct dig_m
     service_dig(context, message, sender);
 }
 
+/* A descriptor that goes on failing stays readable: the loop would do little else. */
+static void wait_no_more(struct source_slot *slot, int error, nsec_t now_ns)
+{
+    if (!slot->failed)
+        log_fault(FAULT_SOURCE_FAILED, slot->config->name, "source %s: it cannot be read: %s",
+                  slot->config->name, strerror(-error));
+    slot->failed = true;
+    slot->failed_ns = now_ns;
+    slot->retry_ns = now_ns + RETRY_NS;
+    slot->event = sd_event_source_disable_unref(slot->event);
+}
+
 static int on_readable(sd_event_source *event, int fd, uint32_t revents, void *data)
 {
     struct source_slot *slot = data;
@@ -162,13 +174,15 @@ static int on_readable(sd_event_source *event, int fd, uint32_t revents, void *d
                                               .message = on_message,
                                               .trouble = on_trouble};
     nsec_t now_ns = clock_monotonic_ns();
-    pose_source_dispatch(slot->source, now_ns, &events);
+    int r = pose_source_dispatch(slot->source, now_ns, &events);
     uint64_t refused = refused_count(slot->source);
     if (refused > slot->refused)
         slot->refused_ns = now_ns;
     slot->refused = refused;
     note_overrun(slot, now_ns);
     note_others(slot);
+    if (r < 0)
+        wait_no_more(slot, r, now_ns);
     return 0;
 }
 
@@ -204,6 +218,15 @@ static void close_slot(struct source_slot *slot)
     slot->source = NULL;
 }
 
+static int wait_for_source(struct source_slot *slot, struct diag *diag)
+{
+    int r = sd_event_add_io(slot->service->loop, &slot->event, pose_source_fd(slot->source),
+                            EPOLLIN, on_readable, slot);
+    return r < 0 ? diag_set(diag, -EIO, "source %s: the event loop does not take it",
+                            slot->config->name)
+                 : 0;
+}
+
 static int open_source(struct source_slot *slot, struct diag *diag)
 {
     const struct config_source *config = slot->config;
@@ -230,25 +253,32 @@ static int open_source(struct source_slot *slot, struct diag *diag)
         close_slot(slot);
         return -ENOMEM;
     }
-    if (r >= 0 && sd_event_add_io(slot->service->loop, &slot->event, pose_source_fd(slot->source),
-                                  EPOLLIN, on_readable, slot) < 0) {
+    if (r >= 0 && wait_for_source(slot, diag) < 0) {
         close_slot(slot);
-        r = diag_set(diag, -EIO, "source %s: the event loop does not take it", config->name);
+        r = -EIO;
     }
     return r;
+}
+
+/* One that could not be read. */
+static int reopen_source(struct source_slot *slot, struct diag *diag)
+{
+    int r = pose_source_reopen(slot->source, diag);
+    return r < 0 ? r : wait_for_source(slot, diag);
 }
 
 /* Opens a source, or says once why that fails. */
 static void try_source(struct source_slot *slot, nsec_t now_ns)
 {
     struct diag diag = {0};
-    int r = open_source(slot, &diag);
+    bool again = slot->source;
+    int r = again ? reopen_source(slot, &diag) : open_source(slot, &diag);
     slot->retry_ns = now_ns + RETRY_NS;
     if (r != 0 && !slot->failed)
         log_fault(FAULT_SOURCE_FAILED, slot->config->name, "%s", diag.text);
     if (r != 0)
         slot->failed = true;
-    else
+    else if (!again)
         log_write(NULL, LOG_LEVEL_INFO, &(struct log_about){.source = slot->config->name},
                   "source %s listens at %s", slot->config->name,
                   slot->config->listen[0] ? slot->config->listen : slot->config->interface);
@@ -257,7 +287,7 @@ static void try_source(struct source_slot *slot, nsec_t now_ns)
 /* Open, and its bus up. */
 static bool works(const struct source_slot *slot, nsec_t now_ns)
 {
-    if (!slot->source || (slot->failed_ns && now_ns - slot->failed_ns < HOLD_NS))
+    if (!slot->event || (slot->failed_ns && now_ns - slot->failed_ns < HOLD_NS))
         return false;
     return !config_source_is_bus(slot->config) ||
            pose_source_can_state(slot->source) != CAN_STATE_NONE;
@@ -277,7 +307,7 @@ static void note_silence(struct source_slot *slot, nsec_t now_ns)
 
 static void tick_slot(struct source_slot *slot, nsec_t now_ns)
 {
-    if (!slot->source && now_ns >= slot->retry_ns)
+    if (!slot->event && now_ns >= slot->retry_ns)
         try_source(slot, now_ns);
     bool failed = !works(slot, now_ns);
     if (slot->failed && !failed)

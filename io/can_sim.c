@@ -77,7 +77,9 @@ static void drop_member(struct can_sim *self, unsigned i)
     self->members[i] = -1;
 }
 
-static void accept_members(struct can_sim *self)
+/* 0, or -errno where one that waits to join cannot be taken: he goes on waiting, and the bus would
+ * be readable for ever. */
+static int accept_members(struct can_sim *self)
 {
     int fd;
     while ((fd = accept4(self->listener, NULL, NULL, SOCK_CLOEXEC | SOCK_NONBLOCK)) >= 0) {
@@ -89,6 +91,7 @@ static void accept_members(struct can_sim *self)
         else
             self->members[i] = fd;
     }
+    return errno == EAGAIN || errno == EINTR || errno == ECONNABORTED ? 0 : -errno;
 }
 
 static bool wanted(const struct can_bus *bus, const struct can_frame *frame)
@@ -129,7 +132,9 @@ static int read_frame(int fd, struct can_frame *ret_frame)
 
 static int hub_receive(struct can_sim *self, struct can_frame *ret_frame)
 {
-    accept_members(self);
+    int accepted = accept_members(self);
+    if (accepted < 0)
+        return accepted;
     for (unsigned k = 0; k < MEMBERS_MAX; k++) {
         unsigned i = (self->next + k) % MEMBERS_MAX;
         if (self->members[i] < 0)

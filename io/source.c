@@ -67,11 +67,10 @@ static void set_timer(struct pose_source *source, nsec_t interval_ns)
 static void follow_bus(struct pose_source *source)
 {
     bool up = source->bus->fd >= 0;
-    if (up && source->generation != source->bus->generation) {
+    if (up && source->generation != source->bus->generation && watch(source, source->bus->fd) == 0)
         source->generation = source->bus->generation;
-        watch(source, source->bus->fd);
-    }
-    set_timer(source, up ? 0 : RETRY_TICK_NS);
+    bool watched = up && source->generation == source->bus->generation;
+    set_timer(source, watched ? 0 : RETRY_TICK_NS);
 }
 
 static int open_can(struct pose_source *source, const char *url, struct diag *diag)
@@ -114,16 +113,20 @@ static int open_ticks(struct pose_source *source, const struct pose_source_param
     return r;
 }
 
-static int open_udp(struct pose_source *source, const struct pose_source_params *params,
-                    struct diag *diag)
+static int listen_at(struct pose_source *source, const char *endpoint, struct diag *diag)
 {
-    int r = udp_listen(&source->udp, params->endpoint, diag);
+    int r = udp_listen(&source->udp, endpoint, diag);
     if (r < 0)
         return r;
     r = watch(source, source->udp.fd);
-    if (r < 0)
-        return diag_set(diag, r, "%s cannot be waited for", params->endpoint);
-    return open_ticks(source, params, diag);
+    return r < 0 ? diag_set(diag, r, "%s cannot be waited for", endpoint) : 0;
+}
+
+static int open_udp(struct pose_source *source, const struct pose_source_params *params,
+                    struct diag *diag)
+{
+    int r = listen_at(source, params->endpoint, diag);
+    return r < 0 ? r : open_ticks(source, params, diag);
 }
 
 static int open_parts(struct pose_source *source, const struct pose_source_params *params,
@@ -267,10 +270,15 @@ static bool take_request(struct pose_source *source, nsec_t now_ns,
     return true;
 }
 
-static bool timer_ticked(const struct pose_source *source)
+/* 1, 0 where it has not ticked, or -errno. */
+static int timer_ticked(const struct pose_source *source)
 {
     uint64_t ticks;
-    return source->timer_fd >= 0 && read(source->timer_fd, &ticks, sizeof(ticks)) > 0;
+    if (source->timer_fd < 0)
+        return 0;
+    if (read(source->timer_fd, &ticks, sizeof(ticks)) > 0)
+        return 1;
+    return errno == EAGAIN || errno == EINTR ? 0 : -errno;
 }
 
 static void subscribe(struct pose_source *source, nsec_t now_ns,
@@ -306,17 +314,18 @@ static void tick_udp(struct pose_source *source, nsec_t now_ns,
         carry_forward(source, now_ns, events);
 }
 
-static void take_datagrams(struct pose_source *source, nsec_t now_ns,
-                           const struct pose_source_events *events)
+/* 0, or -errno where two reads in a row have failed: what fails once may be over. */
+static int take_datagrams(struct pose_source *source, nsec_t now_ns,
+                          const struct pose_source_events *events)
 {
     for (unsigned i = 0; i < source->burst; i++) {
         uint8_t buffer[DATAGRAM_MAX];
         struct datagram datagram;
         int r = udp_receive(&source->udp, buffer, sizeof(buffer), &datagram);
         if (r < 0)
-            tell(source, now_ns, events, strerror(-r));
+            r = udp_receive(&source->udp, buffer, sizeof(buffer), &datagram);
         if (r <= 0)
-            return;
+            return r;
         if (!allow_list_admits(&source->allow, &datagram.sender)) {
             refuse_sender(source, now_ns, events, &datagram.sender);
             continue;
@@ -339,20 +348,24 @@ static void take_datagrams(struct pose_source *source, nsec_t now_ns,
                           &rejection);
         take_result(source, now_ns, events, r, &pose, &rejection);
     }
+    return 0;
 }
 
-static void dispatch_udp(struct pose_source *source, nsec_t now_ns,
-                         const struct pose_source_events *events)
+static int dispatch_udp(struct pose_source *source, nsec_t now_ns,
+                        const struct pose_source_events *events)
 {
-    take_datagrams(source, now_ns, events);
-    if (timer_ticked(source))
+    int r = take_datagrams(source, now_ns, events);
+    int ticked = timer_ticked(source);
+    if (ticked > 0)
         tick_udp(source, now_ns, events);
+    return r < 0 ? r : ticked < 0 ? ticked : 0;
 }
 
-static void dispatch_can(struct pose_source *source, nsec_t now_ns,
-                         const struct pose_source_events *events)
+static int dispatch_can(struct pose_source *source, nsec_t now_ns,
+                        const struct pose_source_events *events)
 {
-    if (timer_ticked(source))
+    int ticked = timer_ticked(source);
+    if (ticked > 0)
         can_bus_service(source->bus, now_ns);
     for (unsigned i = 0; i < source->burst; i++) {
         struct can_frame frame, answer;
@@ -375,15 +388,32 @@ static void dispatch_can(struct pose_source *source, nsec_t now_ns,
         take_result(source, now_ns, events, r, &pose, &rejection);
     }
     follow_bus(source);
+    return ticked < 0 ? ticked : 0;
 }
 
-void pose_source_dispatch(struct pose_source *source, nsec_t now_ns,
-                          const struct pose_source_events *events)
+int pose_source_dispatch(struct pose_source *source, nsec_t now_ns,
+                         const struct pose_source_events *events)
+{
+    return source->bus ? dispatch_can(source, now_ns, events)
+                       : dispatch_udp(source, now_ns, events);
+}
+
+int pose_source_reopen(struct pose_source *source, struct diag *diag)
 {
     if (source->bus)
-        dispatch_can(source, now_ns, events);
-    else
-        dispatch_udp(source, now_ns, events);
+        return 0;
+    const struct udp old = source->udp;
+    char endpoint[ADDRESS_TEXT_MAX];
+    address_format(&old.local, endpoint);
+    udp_close(&source->udp);
+    int r = listen_at(source, endpoint, diag);
+    if (r < 0) {
+        udp_close(&source->udp);
+        diag_prefix(diag, "source %s", source->name);
+    }
+    source->udp.local = old.local; /* for the next time, where this one has failed */
+    source->udp.kernel_drops = old.kernel_drops;
+    return r;
 }
 
 void pose_source_answer(struct pose_source *source, const union address *sender,

@@ -64,9 +64,16 @@ void pose_source_close(struct pose_source *source);
 /* Readable when there is something to dispatch. Never changes. */
 int pose_source_fd(const struct pose_source *source);
 
-/* Takes what waits, up to the burst. */
-void pose_source_dispatch(struct pose_source *source, nsec_t now_ns,
-                          const struct pose_source_events *events);
+/* Takes what waits, up to the burst. Returns 0; or -errno where its socket or its timer cannot be
+ * read: its descriptor stays readable then, so stop waiting for it, and try pose_source_reopen()
+ * after a pause. A bus that goes down is told as trouble and comes back by itself. */
+int pose_source_dispatch(struct pose_source *source, nsec_t now_ns,
+                         const struct pose_source_events *events);
+
+/* Opens the socket anew, at the same address and port; what has been counted and heard so far
+ * stays. A bus is left alone. Returns 0, or -errno with a sentence that names the source; it may
+ * be called again then. */
+int pose_source_reopen(struct pose_source *source, struct diag *diag);
 
 /* Answers a request to dig. Where it is lost, the sender asks again. */
 void pose_source_answer(struct pose_source *source, const union address *sender,

@@ -5,12 +5,12 @@
  * program's own code, sqlite-memory or sqlite-file for those of SQLite. What other libraries do for
  * themselves is theirs: glibc, Mesa and systemd are not ours to mend.
  * FAIL_SITE (hexadecimal; optional) counts only the calls that return to that place of the
- * program, whichever thread is first. FAIL_AT is the number of the call that fails, from 1 on, 0
- * for none; where FAIL_ONWARD is set those after it fail, too. FAIL_AFTER_S: calls count from then
- * on. FAIL_WHILE: calls count while there is a file of that name; what stands in it takes the place
- * of FAIL_SITE. FAIL_LIST is a file that receives
- * at exit, or when the program is stopped in order, a line "site calls" for each place that asked.
- * FAIL_DONE is a file that is there once a call has failed.
+ * program, whichever thread is first; FAIL_NAME (optional) only those of the function of that name.
+ * FAIL_AT is the number of the call that fails, from 1 on, 0 for none; where FAIL_ONWARD is set
+ * those after it fail, too. FAIL_AFTER_S: calls count from then on. FAIL_WHILE: calls count while
+ * there is a file of that name; what stands in it takes the place of FAIL_SITE. FAIL_LIST is a file
+ * that receives at exit, or when the program is stopped in order, a line "site calls" for each
+ * place that asked. FAIL_DONE is a file that is there once a call has failed.
  */
 #include <dlfcn.h>
 #include <epoxy/egl.h>
@@ -43,6 +43,7 @@ static struct {
     struct text program, sqlite, counted; /* `counted` is one of the others */
     int class;                            /* CLASSES: none */
     uintptr_t site;                       /* 0: any */
+    const char *name;                     /* NULL: any */
     unsigned long at;
     bool onward;
     const char *done;
@@ -119,10 +120,12 @@ static bool read_during(uintptr_t *site)
     return true;
 }
 
-static bool fails(enum class class, const void *return_address)
+static bool fails(enum class class, const char *name, const void *return_address)
 {
     uintptr_t caller = (uintptr_t)return_address;
     if ((int)class != state.class || caller < state.counted.start || caller >= state.counted.end)
+        return false;
+    if (state.name && state.name[0] && strcmp(name, state.name) != 0)
         return false;
     uintptr_t site = caller - state.counted.base, wanted = state.site;
     if (state.after_s > 0.0 && now_s() < state.after_s)
@@ -149,7 +152,7 @@ static bool fails(enum class class, const void *return_address)
         static type(*next) parameters;                                                             \
         if (!next)                                                                                 \
             next = (type(*) parameters)dlsym(RTLD_NEXT, #name);                                    \
-        if (fails(class, HERE)) {                                                                  \
+        if (fails(class, #name, HERE)) {                                                           \
             errno = error;                                                                         \
             return result;                                                                         \
         }                                                                                          \
@@ -170,7 +173,7 @@ EXPORT int fail_asprintf(char **text, const char *format, ...) __asm__("asprintf
 EXPORT int fail_asprintf(char **text, const char *format, ...)
 {
     va_list list;
-    if (fails(MEMORY, HERE)) {
+    if (fails(MEMORY, "asprintf", HERE)) {
         errno = ENOMEM;
         return -1;
     }
@@ -284,7 +287,7 @@ FAILING(SOCKET, int, sd_event_source_set_enabled, ENOMEM, -ENOMEM, (void *of, in
     static void(*next_##name) parameters;                                                          \
     static void fail_##name parameters                                                             \
     {                                                                                              \
-        if (fails(GL, HERE)) {                                                                     \
+        if (fails(GL, #name, HERE)) {                                                              \
             OUT_OF_MEMORY;                                                                         \
             return;                                                                                \
         }                                                                                          \
@@ -296,7 +299,7 @@ FAILING(SOCKET, int, sd_event_source_set_enabled, ENOMEM, -ENOMEM, (void *of, in
     static type(*next_##name) parameters;                                                          \
     static type fail_##name parameters                                                             \
     {                                                                                              \
-        if (fails(GL, HERE)) {                                                                     \
+        if (fails(GL, #name, HERE)) {                                                              \
             OUT_OF_MEMORY;                                                                         \
             return result;                                                                         \
         }                                                                                          \
@@ -387,6 +390,7 @@ __attribute__((constructor)) static void begin(void)
     dl_iterate_phdr(find_text, NULL);
     state.counted = sqlite ? state.sqlite : state.program;
     state.site = number_of("FAIL_SITE", 16);
+    state.name = getenv("FAIL_NAME");
     state.at = number_of("FAIL_AT", 10);
     state.onward = getenv("FAIL_ONWARD") != NULL;
     state.done = getenv("FAIL_DONE");

@@ -533,7 +533,8 @@ static void test_while_read(void)
         readers[i] = (struct reader){.source = source, .stopping = &stopping};
         pthread_create(&readers[i].thread, NULL, sample_on, &readers[i]);
     }
-    for (int i = 0; i < 60; i++) {
+    int rounds = getenv("OTWD_TESTS_ARE_SLOW") ? 20 : 60;
+    for (int i = 0; i < rounds; i++) {
         struct stamp stamp = crater(60.0 + 0.0004 * (i % 9), -22.004 + 0.0007 * (i % 7), 60.0, 5.0);
         add(writer, &stamp);
         if (i % 10 == 9)
@@ -546,7 +547,7 @@ static void test_while_read(void)
         pthread_join(readers[i].thread, NULL);
         CHECK(readers[i].samples > 10);
     }
-    CHECK(atomic_load(&changes) >= 66);
+    CHECK(atomic_load(&changes) >= rounds + rounds / 10);
     CHECK(source->ops->changed(source, &rect));
     CHECK(rect.south_deg > 59.99 && rect.north_deg < 60.01 && rect.west_deg > -22.01);
     for (int i = 0; i < PLACES; i++) {
@@ -566,12 +567,12 @@ int main(void)
 {
     static const struct check_test tests[] = {
         {"heights are what the stamps make of the ground, in their order", test_read},
-        {"settling changes nothing, on no level", test_settle},
-        {"settled ground is dug like any other", test_on_settled},
-        {"what is undone is as if it had never been", test_undo},
+        {"settling changes nothing, on no level", test_settle, .one_thread = true},
+        {"settled ground is dug like any other", test_on_settled, .one_thread = true},
+        {"what is undone is as if it had never been", test_undo, .one_thread = true},
         {"an undo that is refused changes nothing", test_undo_refused},
         {"a request that comes twice is done once", test_request},
-        {"a pole keeps one height, the antimeridian has no edge", test_globe},
+        {"a pole keeps one height, the antimeridian has no edge", test_globe, .one_thread = true},
         {"normals are those of the dug ground", test_normal},
         {"lines of sight meet what was piled up and pass what was dug", test_sight},
         {"nothing is dug where the database has no heights", test_void},

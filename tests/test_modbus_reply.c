@@ -1,5 +1,20 @@
+#include <errno.h>
+#include <sys/socket.h>
+
 #include "io/modbus_reply.h"
 #include "tests/check.h"
+
+static bool recv_fails;
+
+/* In the place of the C library's. */
+ssize_t recv(int fd, void *bytes, size_t size, int flags)
+{
+    if (recv_fails) {
+        errno = ENOMEM;
+        return -1;
+    }
+    return recvfrom(fd, bytes, size, flags, NULL, NULL);
+}
 
 static uint32_t random_state = 1;
 
@@ -39,10 +54,32 @@ static void any_request_has_a_well_formed_answer(void)
     modbus_replier_finish(&replier); /* legal on a finished one */
 }
 
+static void an_answer_that_could_not_be_taken_is_not_the_next_ones(void)
+{
+    struct modbus_replier replier;
+    struct modbus_server_params params = {.unit = 1};
+    CHECK_INT(modbus_replier_init(&replier, &params), 0);
+    uint8_t answer[MODBUS_ADU_MAX];
+    for (uint8_t transaction = 1; transaction <= 4; transaction++) {
+        const uint8_t request[] = {0, transaction, 0, 0, 0, 6, 1, 4, 0, 0, 0, transaction};
+        recv_fails = transaction <= 2;
+        int r = modbus_replier_answer(&replier, request, sizeof(request), answer);
+        if (recv_fails) {
+            CHECK_INT(r, -ENOMEM);
+            continue;
+        }
+        CHECK_INT(r, MODBUS_HEADER + 2 + 2 * transaction);
+        CHECK_INT(answer[1], transaction);
+    }
+    modbus_replier_finish(&replier);
+}
+
 int main(void)
 {
     static const struct check_test tests[] = {
         {"any request has a well-formed answer", any_request_has_a_well_formed_answer},
+        {"an answer that could not be taken is not the next one's",
+         an_answer_that_could_not_be_taken_is_not_the_next_ones},
     };
     return CHECK_MAIN(tests);
 }

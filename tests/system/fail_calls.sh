@@ -68,6 +68,14 @@ judge() {
     [ -z "$all" ] || echo "$what: status $status $(grep -o 'fault=[0-9]*' otwd.log | tr '\n' ' ')"
 }
 
+# A renderer that cannot be made, and cannot tell so.
+export FAIL_NAME=write __EGL_VENDOR_LIBRARY_FILENAMES=/dev/null
+run_failing file 0 1 onward
+unset FAIL_NAME __EGL_VENDOR_LIBRARY_FILENAMES
+[ -e failed ] || fail "$what: write() was not called"
+[ "$status" -eq 69 ] || fail "$what: status $status without OpenGL"
+grep -q 'fault=303' otwd.log || fail "$what: no fault 303"
+
 failed=0
 drew=0
 classes=${all:-memory file socket gl}

@@ -21,11 +21,12 @@ record: {directory: $scratch/record}
 YAML
 start send.log "$OTWD" send flight.csv --to "udp://127.0.0.1:$port" --rate 20
 
-# start_failing CLASS: nothing fails until there is a file `failing`.
+# start_failing CLASS [NAME]: nothing fails until there is a file `failing`; NAME is that of the only
+# function that does.
 start_failing() {
     rm -f failing failed
-    FAIL_CLASS=$1 FAIL_AT=1 FAIL_ONWARD=1 FAIL_WHILE="$scratch/failing" FAIL_LIST="$scratch/$1.sites" \
-        FAIL_DONE="$scratch/failed" LD_PRELOAD="$preload" start_daemon otwd.yaml
+    FAIL_CLASS=$1 FAIL_NAME=${2:-} FAIL_AT=1 FAIL_ONWARD=1 FAIL_WHILE="$scratch/failing" \
+        FAIL_LIST="$scratch/$1.sites" FAIL_DONE="$scratch/failed" LD_PRELOAD="$preload" start_daemon otwd.yaml
     wait_for 10 at_least accepted 5 || fail "$1: no poses before"
 }
 # goes_on WHAT FRAMES: so many more come, and poses are taken.
@@ -57,6 +58,23 @@ run_failing() {
 }
 
 run_failing socket 105 SOURCE_FAILED
+
+# A socket that fails at each read stays readable: it is left alone, but for a try each second.
+start_failing socket recvmsg
+: >failing
+wait_for 20 logged "fault=105" || fail "a socket that cannot be read: no fault 105"
+sleep 1.5
+rm failing
+goes_on "a socket that cannot be read" 20
+wait_for 20 logged "SOURCE_FAILED is over" || fail "a socket that cannot be read: 105 does not end"
+told=$(grep -c 'fault=105' otwd.log)
+[ "$told" -le 2 ] || fail "a socket that cannot be read: told $told times"
+stop_daemon
+reads=$(awk '{ n += $2 } END { print n + 0 }' socket.sites)
+echo "a socket that cannot be read: $reads reads in 2 s"
+[ "$reads" -ge 4 ] || fail "a socket that cannot be read was not tried again"
+[ "$reads" -le 100 ] || fail "a socket that cannot be read was read $reads times"
+
 run_failing file 501 RECORDER_FAILED
 run_failing memory ''
 [ -e failed ] || fail "memory: nothing has failed"
@@ -82,9 +100,13 @@ answers() {
 is_well() {
     is code 302 || is code 301 || is code 0
 }
+can_dig() {
+    ! grep -q allow_dig otwd.yaml ||
+        "$OTWD" dig "udp://127.0.0.1:$port" crater --at 46.51,7.91 --radius-m 300 --depth-m 30
+}
 provoke() {
     status >/dev/null 2>&1
-    "$OTWD" dig "udp://127.0.0.1:$port" crater --at 46.51,7.91 --radius-m 300 --depth-m 30 >dig.log 2>&1
+    can_dig >dig.log 2>&1
     sed -i "s/^display: .*/display: {width: $((128 - width)), height: 36, rate_hz: 20}/" otwd.yaml
     width=$((128 - width))
     kill -HUP "$daemon"
@@ -125,6 +147,7 @@ for class in ${all#all} $([ "$all" != all ] || echo socket file memory gl sqlite
             continue
         fi
         goes_on "$what" 5
+        wait_for 20 can_dig || fail "$what: cannot be dug afterwards" # which ends fault 204
         wait_for 30 is_well || fail "$what: fault $(field code) stays"
         echo "$what: $([ -e failed ] && echo failed || echo not called):" \
             "$(tail -n "+$before" otwd.log | grep -o 'fault=[0-9]*' | sort -u | tr '\n' ' ')"
