@@ -28,8 +28,8 @@ struct source_slot {
     struct pose_source *source; /* NULL while it cannot be opened */
     struct cigi_source *cigi;   /* of sources of that type, as long as `source` */
     sd_event_source *event;     /* NULL also while it is not waited for, for it cannot be read */
-    sd_event_source *rest;      /* a timer; as long as `event`, instead of which it is waited */
-    bool rests;                 /* for in a flood */
+    sd_event_source *rest;      /* a timer; there as long as `event` */
+    bool rests;                 /* in a flood: that is waited for, and `event` is not */
     nsec_t retry_ns;
     /* When it last could not be read, refused a packet, or lost one to a full queue; 0 = never. */
     nsec_t failed_ns, refused_ns, overrun_ns;
