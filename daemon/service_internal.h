@@ -28,10 +28,14 @@ struct source_slot {
     struct pose_source *source; /* NULL while it cannot be opened */
     struct cigi_source *cigi;   /* of sources of that type, as long as `source` */
     sd_event_source *event;     /* NULL also while it is not waited for, for it cannot be read */
+    sd_event_source *rest;      /* a timer; there as long as `event` */
+    bool rests;                 /* in a flood: that is waited for, and `event` is not */
     nsec_t retry_ns;
     /* When it last could not be read, refused a packet, or lost one to a full queue; 0 = never. */
     nsec_t failed_ns, refused_ns, overrun_ns;
-    nsec_t pass_ns;    /* when the next pose may go on to the picture */
+    nsec_t pass_ns;  /* when the next pose may go on to the picture */
+    nsec_t flood_ns; /* since when flood_packets came */
+    int flood_packets;
     uint64_t refused;  /* packets, late ones not counted, that were seen */
     uint64_t overrun;  /* packets lost to a full queue that were seen */
     bool failed, lost; /* as logged */

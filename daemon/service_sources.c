@@ -12,6 +12,9 @@
 #define CARRIED_SILENCE_NS (250 * NSEC_PER_MSEC)
 #define POSE_PERIOD_NS     NSEC_PER_MSEC
 #define POSES_AT_ONCE      100
+#define BURST              256 /* packets a turn of the event loop */
+#define FLOOD_PACKETS      16  /* within REST_NS */
+#define REST_NS            NSEC_PER_MSEC
 #define HOLD_NS            (2 * NSEC_PER_SEC) /* how long a refusal or a failed read counts as a fault */
 
 struct motion_params config_motion(const struct config *config, int source)
@@ -152,6 +155,13 @@ static void on_dig(void *context, struct pose_source *source, const struct dig_m
     service_dig(context, message, sender);
 }
 
+static void stop_waiting(struct source_slot *slot)
+{
+    slot->event = sd_event_source_disable_unref(slot->event);
+    slot->rest = sd_event_source_disable_unref(slot->rest);
+    slot->rests = false;
+}
+
 /* A descriptor that goes on failing stays readable: the loop would do little else. */
 static void wait_no_more(struct source_slot *slot, int error, nsec_t now_ns)
 {
@@ -161,19 +171,19 @@ static void wait_no_more(struct source_slot *slot, int error, nsec_t now_ns)
     slot->failed = true;
     slot->failed_ns = now_ns;
     slot->retry_ns = now_ns + RETRY_NS;
-    slot->event = sd_event_source_disable_unref(slot->event);
+    stop_waiting(slot);
 }
 
-static int on_readable(sd_event_source *event, int fd, uint32_t revents, void *data)
+/* Returns how many packets there were, or -errno. */
+static int take_packets(struct source_slot *slot, nsec_t now_ns)
 {
-    struct source_slot *slot = data;
     const struct pose_source_events events = {.context = slot,
                                               .pose = on_pose,
                                               .packet = on_packet,
                                               .dig = on_dig,
                                               .message = on_message,
                                               .trouble = on_trouble};
-    nsec_t now_ns = clock_monotonic_ns();
+    uint64_t before = pose_source_counters(slot->source)->received;
     int r = pose_source_dispatch(slot->source, now_ns, &events);
     uint64_t refused = refused_count(slot->source);
     if (refused > slot->refused)
@@ -181,9 +191,45 @@ static int on_readable(sd_event_source *event, int fd, uint32_t revents, void *d
     slot->refused = refused;
     note_overrun(slot, now_ns);
     note_others(slot);
+    return r < 0 ? r : (int)(pose_source_counters(slot->source)->received - before);
+}
+
+/* Packets come so fast, and none is left to be read. */
+static bool is_flooded(struct source_slot *slot, int packets, nsec_t now_ns)
+{
+    if (now_ns - slot->flood_ns >= REST_NS) {
+        slot->flood_ns = now_ns;
+        slot->flood_packets = 0;
+    }
+    slot->flood_packets += packets;
+    return slot->flood_packets >= FLOOD_PACKETS && packets < BURST;
+}
+
+/* Reads what has come. In a flood almost every packet would wake the loop by itself, which costs
+ * more than to read it: there they gather for REST_NS. The kernel has stamped each as it came. */
+static int serve(struct source_slot *slot)
+{
+    nsec_t now_ns = clock_monotonic_ns();
+    int r = take_packets(slot, now_ns);
+    bool rests = r >= 0 && is_flooded(slot, r, now_ns) &&
+                 sd_event_source_set_time_relative(slot->rest, REST_NS / NSEC_PER_USEC) >= 0 &&
+                 sd_event_source_set_enabled(slot->rest, SD_EVENT_ONESHOT) >= 0;
+    if (r >= 0 && rests != slot->rests)
+        r = sd_event_source_set_enabled(slot->event, rests ? SD_EVENT_OFF : SD_EVENT_ON);
+    slot->rests = rests;
     if (r < 0)
         wait_no_more(slot, r, now_ns);
     return 0;
+}
+
+static int on_readable(sd_event_source *event, int fd, uint32_t revents, void *data)
+{
+    return serve(data);
+}
+
+static int on_rested(sd_event_source *event, uint64_t usec, void *data)
+{
+    return serve(data);
 }
 
 static void endpoint_of(const struct config_source *config, char *ret_text, size_t size)
@@ -210,21 +256,26 @@ static void close_slot(struct source_slot *slot)
 {
     if (slot->source)
         tell_counters(slot);
-    sd_event_source_disable_unref(slot->event);
+    stop_waiting(slot);
     cigi_source_destroy(slot->cigi);
     pose_source_close(slot->source);
-    slot->event = NULL;
     slot->cigi = NULL;
     slot->source = NULL;
 }
 
 static int wait_for_source(struct source_slot *slot, struct diag *diag)
 {
-    int r = sd_event_add_io(slot->service->loop, &slot->event, pose_source_fd(slot->source),
-                            EPOLLIN, on_readable, slot);
-    return r < 0 ? diag_set(diag, -EIO, "source %s: the event loop does not take it",
-                            slot->config->name)
-                 : 0;
+    sd_event *loop = slot->service->loop;
+    int r = sd_event_add_time(loop, &slot->rest, CLOCK_MONOTONIC, 0, 1, on_rested, slot);
+    if (r >= 0)
+        r = sd_event_source_set_enabled(slot->rest, SD_EVENT_OFF);
+    if (r >= 0)
+        r = sd_event_add_io(loop, &slot->event, pose_source_fd(slot->source), EPOLLIN, on_readable,
+                            slot);
+    if (r >= 0)
+        return 0;
+    stop_waiting(slot);
+    return diag_set(diag, -EIO, "source %s: the event loop does not take it", slot->config->name);
 }
 
 static int open_source(struct source_slot *slot, struct diag *diag)
@@ -243,6 +294,7 @@ static int open_source(struct source_slot *slot, struct diag *diag)
         .timeout_ns = config->timeout_ms * NSEC_PER_MSEC,
         .subscribe = config->subscribe,
         .rate_hz = config->rate_hz,
+        .burst = BURST,
         .transmit = config->allow_transmit,
         .allow = allow,
         .allow_count = config->allow_count,

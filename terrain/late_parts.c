@@ -53,11 +53,12 @@ void late_parts_add(struct late_parts *late, int level, int pane, struct clipmap
         }
 }
 
-void late_parts_move(struct late_parts *late, struct late_parts *from)
+void late_parts_move(struct late_parts *late, struct late_parts *from, size_t count)
 {
-    for (size_t i = 0; i < from->count; i++)
+    count = count < from->count ? count : from->count;
+    for (size_t i = 0; i < count; i++)
         late_parts_add(late, from->parts[i].level, from->parts[i].pane, from->parts[i].half_posts);
-    from->count = 0;
+    late_parts_drop(from, count);
 }
 
 void late_parts_drop(struct late_parts *late, size_t count)

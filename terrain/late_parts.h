@@ -27,8 +27,8 @@ void late_parts_finish(struct late_parts *late);
 /* Adds a rectangle; a square that has a part already gets a larger one. */
 void late_parts_add(struct late_parts *late, int level, int pane, struct clipmap_rect rect);
 
-/* Puts all that `from` has into `late`. */
-void late_parts_move(struct late_parts *late, struct late_parts *from);
+/* Puts the first `count` that `from` has, or all of fewer, into `late`. */
+void late_parts_move(struct late_parts *late, struct late_parts *from, size_t count);
 
 /* Takes the first `count` out. */
 void late_parts_drop(struct late_parts *late, size_t count);

@@ -22,6 +22,7 @@
 #define JUMP_MAX_DEG 0.1 /* from wish to wish: more is no motion */
 #define ASK_AGAIN_NS (NSEC_PER_SEC / 4)
 #define RETRY_NS     NSEC_PER_SEC /* how often the source is asked for what it could not read */
+#define RETRY_PARTS  16           /* of which no tile is known to have recovered, sampled then */
 #define SAMPLERS_MAX 8
 
 struct wish {
@@ -191,15 +192,21 @@ static void take_changes(struct loader *loader)
     }
 }
 
-/* Has tried again what could not be read, and sampled again where that may have been so. */
+/* Has tried again what could not be read, and sampled again where that may have been so: all of it
+ * once a tile has recovered; else, where tiles came, some of it in turn, for one that left the
+ * cache as unreadable and came back whole is no recovery. Under one that stays broken that is all
+ * there is to do. */
 static void retry(struct loader *loader)
 {
     struct window_filler *filler = &loader->filler;
     nsec_t now_ns = clock_monotonic_ns();
     const struct terrain_counts counts = terrain_source_counts(loader->source);
     bool due = now_ns >= loader->retry_ns;
-    if (counts.recovered > loader->revived || (due && counts.tiles_loaded > loader->loaded)) {
-        late_parts_move(&filler->late, &filler->failing);
+    size_t parts = counts.recovered > loader->revived            ? filler->failing.count
+                   : due && counts.tiles_loaded > loader->loaded ? RETRY_PARTS
+                                                                 : 0;
+    if (parts > 0) {
+        late_parts_move(&filler->late, &filler->failing, parts);
         loader->untried = filler->late.count;
     }
     loader->revived = counts.recovered;

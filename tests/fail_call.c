@@ -271,6 +271,8 @@ FAILING(SOCKET, int, sd_event_add_signal, ENOMEM, -ENOMEM,
 
 FAILING(SOCKET, int, sd_event_source_set_time, ENOMEM, -ENOMEM, (void *of, uint64_t usec),
         (of, usec))
+FAILING(SOCKET, int, sd_event_source_set_time_relative, ENOMEM, -ENOMEM, (void *of, uint64_t usec),
+        (of, usec))
 FAILING(SOCKET, int, sd_event_source_set_enabled, ENOMEM, -ENOMEM, (void *of, int enabled),
         (of, enabled))
 

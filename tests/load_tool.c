@@ -91,6 +91,8 @@ static void send_many(int fd, bool sound, unsigned count)
         sent[phase] += (unsigned long)done;
 }
 
+static double sender_ms; /* CPU of the thread below */
+
 /* A sound pose every 16 ms, in loud phases among 1600 others. */
 static void *flood(void *unused)
 {
@@ -106,6 +108,7 @@ static void *flood(void *unused)
         }
         clock_sleep_until(next_ns += NSEC_PER_MSEC);
     }
+    sender_ms = milliseconds_from_ns(clock_thread_cpu_ns());
     close(allowed);
     close(other);
     return NULL;
@@ -241,29 +244,57 @@ static double render_cpu_ms(const char *pid)
     return ns / 1e6;
 }
 
-static unsigned long resident_kib(const char *pid)
+/* Of the process's first thread, which is the event loop. */
+static double loop_cpu_ms(const char *pid)
+{
+    char name[64];
+    double ns = 0.0;
+    snprintf(name, sizeof(name), "/proc/%s/schedstat", pid);
+    FILE *file = fopen(name, "re");
+    if (!file || fscanf(file, "%lf", &ns) != 1)
+        fail(name);
+    fclose(file);
+    return ns / 1e6;
+}
+
+/* The number in a line of the process's status. */
+static unsigned long status_of(const char *pid, const char *key)
 {
     char name[64], line[128];
-    unsigned long kib = 0;
+    unsigned long value = 0;
     snprintf(name, sizeof(name), "/proc/%s/status", pid);
     FILE *file = fopen(name, "re");
     while (file && fgets(line, sizeof(line), file))
-        if (sscanf(line, "VmRSS: %lu", &kib) == 1)
-            break;
-    if (!file || !kib)
+        if (strncmp(line, key, strlen(key)) == 0)
+            value = strtoul(line + strlen(key), NULL, 10);
+    if (!file || !value)
         fail(name);
     fclose(file);
-    return kib;
+    return value;
+}
+
+static unsigned long resident_kib(const char *pid)
+{
+    return status_of(pid, "VmRSS:");
+}
+
+/* How often the event loop went to sleep: so often it was woken. */
+static unsigned long wakes(const char *pid)
+{
+    return status_of(pid, "voluntary_ctxt_switches:");
 }
 
 static double frame_p99_ms[PHASES][ROUNDS_MOST], cpu_ms[PHASES][ROUNDS_MOST];
+static double loop_ms[PHASES];
+static unsigned long woken[PHASES];
 
 static void run_phase(int fds[GOOD_CLIENTS], const char *pid, enum phase now, unsigned round)
 {
     phase = now;
     nsec_t begin_ns = clock_monotonic_ns(), next_ns = begin_ns;
     ask(fds[0]);
-    double before_ms = render_cpu_ms(pid);
+    double before_ms = render_cpu_ms(pid), loop_before_ms = loop_cpu_ms(pid);
+    unsigned long woken_before = wakes(pid);
     unsigned long frames = register_u32(HEALTH_FRAMES);
     for (unsigned i = 0; clock_monotonic_ns() < begin_ns + PHASE_MS * NSEC_PER_MSEC; i++) {
         double ms = ask(fds[i % GOOD_CLIENTS]);
@@ -273,6 +304,8 @@ static void run_phase(int fds[GOOD_CLIENTS], const char *pid, enum phase now, un
     }
     ask(fds[0]);
     frames = register_u32(HEALTH_FRAMES) - frames;
+    loop_ms[now] += loop_cpu_ms(pid) - loop_before_ms;
+    woken[now] += wakes(pid) - woken_before;
     cpu_ms[now][round] = (render_cpu_ms(pid) - before_ms) / (double)(frames ? frames : 1);
     frame_p99_ms[now][round] = (double)register_u32(HEALTH_FRAME_P99) / 1e3;
 }
@@ -313,11 +346,16 @@ int main(int argc, char **argv)
     double ms[PHASES] = {rounds * PHASE_MS, rounds * PHASE_MS};
     printf("datagrams_per_s %.0f %.0f\n", (double)sent[QUIET] / ms[QUIET] * 1e3,
            (double)sent[LOUD] / ms[LOUD] * 1e3);
+    printf("sender_cpu_ms_per_s 0 %.0f\n", sender_ms / ms[LOUD] * 1e3);
     printf("can_per_s 0 %.0f\n", (double)can_sent / ms[LOUD] * 1e3);
     printf("frame_p99_ms %.3f %.3f\n", summary(frame_p99_ms[QUIET], rounds).p50,
            summary(frame_p99_ms[LOUD], rounds).p50);
     printf("render_cpu_ms %.4f %.4f\n", summary(cpu_ms[QUIET], rounds).p50,
            summary(cpu_ms[LOUD], rounds).p50);
+    printf("loop_cpu_ms_per_s %.2f %.2f\n", loop_ms[QUIET] / ms[QUIET] * 1e3,
+           loop_ms[LOUD] / ms[LOUD] * 1e3);
+    printf("loop_wakes_per_s %.0f %.0f\n", (double)woken[QUIET] / ms[QUIET] * 1e3,
+           (double)woken[LOUD] / ms[LOUD] * 1e3);
     for (int percent = 50; percent <= 100; percent += 49) {
         double worst[PHASES];
         for (int i = 0; i < PHASES; i++) {

@@ -33,8 +33,8 @@ flies() {
     start "$1.log" "$OTWD" send "$1.csv" --to "udp://127.0.0.1:$2" --protocol "$1" --rate 30
     wait_for 8 is source "$3" || fail "$1: active source $(field source)"
     wait_for 8 near lat_deg "$4" 1e-6 || fail "$1: latitude $(field lat_deg)"
-    near lon_deg 7.91 1e-6 || fail "$1: longitude $(field lon_deg)"
-    near height_m 4000 0.05 || fail "$1: height $(field height_m)"
+    wait_for 8 near lon_deg 7.91 1e-6 || fail "$1: longitude $(field lon_deg)"
+    wait_for 8 near height_m 4000 0.05 || fail "$1: height $(field height_m)"
     near heading_deg 90 0.02 || fail "$1: heading $(field heading_deg)"
     is rejected 0 || fail "$1: rejected $(field rejected)"
     kill "$started"
