@@ -134,28 +134,39 @@ struct cap {
     double *xi, *eta; /* the range so far */
 };
 
-/* A direction in the face's axes that may be of the cap, where it lies on the face: then true. */
-static bool take(const struct cap *cap, const double v[3])
+/* The range of xi (axis 1) or eta (axis 2) of all of the cap. False where it is not all on this
+ * side of the face's ends. */
+static bool range_within(const struct cap *cap, int axis, double ret_range[2])
+{
+    const double *n = cap->normal;
+    double ratio = sin(cap->radius_rad) / hypot(n[0], n[axis]);
+    if (n[0] <= 0.0 || ratio >= 1.0)
+        return false;
+    double middle = atan2(n[axis], n[0]), half = asin(ratio);
+    ret_range[0] = middle - half;
+    ret_range[1] = middle + half;
+    return ret_range[0] >= -QUARTER && ret_range[1] <= QUARTER;
+}
+
+/* Takes in a direction in the face's axes that may be of the cap, where it lies on the face. */
+static void take(const struct cap *cap, const double v[3])
 {
     const double slack = 1e-9;
     double xi = atan2(v[1], v[0]), eta = atan2(v[2], v[0]);
     if (v[0] <= 0.0 || fabs(xi) > QUARTER + slack || fabs(eta) > QUARTER + slack)
-        return false;
+        return;
     cap->xi[0] = fmin(cap->xi[0], fmax(xi, -QUARTER));
     cap->xi[1] = fmax(cap->xi[1], fmin(xi, QUARTER));
     cap->eta[0] = fmin(cap->eta[0], fmax(eta, -QUARTER));
     cap->eta[1] = fmax(cap->eta[1], fmin(eta, QUARTER));
-    return true;
 }
 
-/* Where the cap's rim touches a line of equal xi (axis 2) or eta (axis 1). Whether both places are
- * on the face. */
-static bool take_extremes(const struct cap *cap, int axis)
+/* Where the cap's rim touches a line of equal xi (axis 2) or eta (axis 1). */
+static void take_extremes(const struct cap *cap, int axis)
 {
     const double *n = cap->normal;
     int other = 3 - axis;
     double across = hypot(n[0], n[other]), ratio = sin(cap->radius_rad) / across;
-    bool both = ratio < 1.0;
     for (int way = -1; ratio < 1.0 && way <= 1; way += 2) {
         double turned = atan2(n[other], n[0]) + way * asin(ratio), v[3];
         /* The rim's point on that great circle: the foot of the middle on its plane. */
@@ -163,9 +174,8 @@ static bool take_extremes(const struct cap *cap, int axis)
         v[0] = along * cos(turned);
         v[other] = along * sin(turned);
         v[axis] = n[axis];
-        both &= take(cap, v);
+        take(cap, v);
     }
-    return both;
 }
 
 /* Where the rim crosses the great circle of a side of the face. */
@@ -207,14 +217,13 @@ bool cube_cap_range(int face, const double normal[3], double radius_rad, double 
         cap.normal[i] = along(axes[face][i], v);
     if (cap.normal[0] < cos(radius_rad + CORNER_RAD))
         return false;
+    if (range_within(&cap, 1, ret_xi) && range_within(&cap, 2, ret_eta))
+        return true;
     ret_xi[0] = ret_eta[0] = INFINITY;
     ret_xi[1] = ret_eta[1] = -INFINITY;
-    bool whole = take(&cap, cap.normal);
-    for (int axis = 1; axis <= 2; axis++)
-        whole &= take_extremes(&cap, axis);
-    if (whole) /* none of it is beyond the face */
-        return true;
+    take(&cap, cap.normal);
     for (int axis = 1; axis <= 2; axis++) {
+        take_extremes(&cap, axis);
         take_crossings(&cap, axis, 1.0);
         take_crossings(&cap, axis, -1.0);
     }
