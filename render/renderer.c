@@ -152,13 +152,14 @@ static struct scene_detail detail_of(struct renderer *renderer, const struct vie
 static bool fill_scene(struct renderer *renderer, const struct view *view,
                        const struct scene_detail *detail)
 {
-    renderer->scene = (renderer->scene + 1) % BUFFERED_SCENES;
-    struct scene_block *scene = mapped_buffer_part(&renderer->scenes, renderer->scene);
+    struct scene_block scene = {0}; /* not in place: what is mapped is slow to read again */
     const struct loader_level *levels = clipmap_pass_levels(renderer->clipmap);
-    scene_set_view(view, scene);
+    scene_set_view(view, &scene);
     if (levels)
         renderer->select_groups = scene_set_levels(view, &renderer->shape, levels,
-                                                   renderer->ground.nearest_m, detail, scene);
+                                                   renderer->ground.nearest_m, detail, &scene);
+    renderer->scene = (renderer->scene + 1) % BUFFERED_SCENES;
+    memcpy(mapped_buffer_part(&renderer->scenes, renderer->scene), &scene, sizeof(scene));
     return levels;
 }
 
@@ -275,7 +276,6 @@ void renderer_draw(struct renderer *renderer, struct view *view)
 {
     renderer->frame = (struct renderer_frame){0};
     bool terrain = prepare_frame(renderer, view);
-    glBeginQuery(GL_TIME_ELAPSED, renderer->time_query);
     begin_pass(renderer, PASS_UPLOAD, "terrain upload");
     clipmap_pass_upload(renderer->clipmap);
     image_pass_upload(renderer->images);
@@ -289,27 +289,25 @@ void renderer_draw(struct renderer *renderer, struct view *view)
     shade(renderer);
     entity_pass_draw(renderer->entity_pass, view);
     begin_pass(renderer, PASSES, NULL);
-    glEndQuery(GL_TIME_ELAPSED);
     glFlush();
 }
 
-static double pass_ms(const GLuint64 *marks_ns, enum pass pass)
+static double ms_between(const GLuint64 *marks_ns, enum pass first, enum pass end)
 {
-    return (double)(marks_ns[pass + 1] - marks_ns[pass]) * 1e-6;
+    return (double)(marks_ns[end] - marks_ns[first]) * 1e-6;
 }
 
 /* The result of a query is there when the frame is: asking for it waits. (A fence would do as well,
  * but the driver allocates one for every frame.) */
 void renderer_finish(struct renderer *renderer, struct renderer_frame *ret_frame)
 {
-    GLuint64 elapsed_ns = 0, marks_ns[PASS_MARKS] = {0};
-    glGetQueryObjectui64v(renderer->time_query, GL_QUERY_RESULT, &elapsed_ns);
+    GLuint64 marks_ns[PASS_MARKS] = {0};
     for (int i = PASSES; i >= 0; i--)
         glGetQueryObjectui64v(renderer->pass_queries[i], GL_QUERY_RESULT, &marks_ns[i]);
-    renderer->frame.gpu_ms = (double)elapsed_ns * 1e-6;
-    renderer->frame.upload_ms = pass_ms(marks_ns, PASS_UPLOAD);
-    renderer->frame.terrain_ms = pass_ms(marks_ns, PASS_TERRAIN);
-    renderer->frame.shade_ms = pass_ms(marks_ns, PASS_SHADE);
+    renderer->frame.gpu_ms = ms_between(marks_ns, PASS_UPLOAD, PASSES);
+    renderer->frame.upload_ms = ms_between(marks_ns, PASS_UPLOAD, PASS_TERRAIN);
+    renderer->frame.terrain_ms = ms_between(marks_ns, PASS_TERRAIN, PASS_SHADE);
+    renderer->frame.shade_ms = ms_between(marks_ns, PASS_SHADE, PASSES);
     give_updates_back(renderer);
     image_pass_release(renderer->images);
     renderer->frame.triangles = clipmap_pass_triangles(renderer->clipmap);

@@ -211,7 +211,6 @@ int renderer_create(const struct renderer_params *params, const struct gl_facts 
         return r;
     }
     glCreateVertexArrays(1, &renderer->empty_array);
-    glCreateQueries(GL_TIME_ELAPSED, 1, &renderer->time_query);
     glCreateQueries(GL_TIMESTAMP, PASS_MARKS, renderer->pass_queries);
     glClipControl(GL_LOWER_LEFT, GL_ZERO_TO_ONE);
     glEnable(GL_DEPTH_TEST);
@@ -236,7 +235,6 @@ void renderer_destroy(struct renderer *renderer)
     glDeleteFramebuffers(2, (GLuint[]){renderer->framebuffer, renderer->geometry_framebuffer});
     glDeleteTextures(2, (GLuint[]){renderer->colour, renderer->depth});
     mapped_buffer_destroy(&renderer->scenes);
-    glDeleteQueries(1, &renderer->time_query);
     glDeleteQueries(PASS_MARKS, renderer->pass_queries);
     free(renderer);
 }

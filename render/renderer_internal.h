@@ -35,7 +35,7 @@ struct renderer {
     unsigned scene;
     int select_groups; /* of the blocks that may be drawn: scene_set_levels() */
     bool debug_groups;
-    GLuint time_query, pass_queries[PASS_MARKS];
+    GLuint pass_queries[PASS_MARKS];
     size_t upload_bytes, terrain_bytes;         /* that a frame copies at most; of terrain */
     struct loader_update *next;                 /* taken, but too much for the last frame */
     struct loader_update *held[LOADER_UPDATES]; /* being copied from by this frame */
