@@ -5,14 +5,15 @@
 #
 # Nothing but otwd is needed. In the environment: OTWD, the program; BENCH, the folder of bench_rag
 # and bench_dig, without which what they measure is left out; SMALL=1 for a trial in some minutes by
-# software, 320x180 over fewer posts, of which times are noise.
+# software, 320x180 over fewer posts, of which times are noise; THIN=N for every N-th frame of what is
+# not flown at 60 frames a second.
 set -eu
 if [ $# = 0 ]; then
-    sed -n '2,9s/^# \{0,1\}//p' "$0" >&2
+    sed -n '2,10s/^# \{0,1\}//p' "$0" >&2
     exit 64
 fi
 here=$(cd "$(dirname "$0")" && pwd)
-: "${OTWD=$here/../build/daemon/otwd}" "${BENCH=$here/../build/bench}" "${SMALL=}"
+: "${OTWD=$here/../build/daemon/otwd}" "${BENCH=$here/../build/bench}" "${SMALL=}" "${THIN=1}"
 data=$(cd "$1" && pwd)
 out=$data/papers
 shift
@@ -43,6 +44,10 @@ measure()
         size=320x180 posts=1025 database=puget-4097.otwt
         [ "$rate" = 60 ] || rate=$(awk -v rate="$rate" 'BEGIN { print (rate > 4 ? rate / 40 : 0.1) }')
         set -- --radius 64 "$@" --rounds 1 --every 8 # the radius is the daemon's by software
+    fi
+    if [ "$THIN" != 1 ] && [ "$rate" != 60 ]; then
+        rate=$(awk -v rate="$rate" -v thin="$THIN" 'BEGIN { print rate / thin }')
+        set -- "$@" --every 20
     fi
     echo "$name: $techniques" >&2
     "$OTWD" bench --terrain "$data/$database" --flight "$out/$flight" --size "$size" \
