@@ -82,7 +82,11 @@ bool dis_tracker_pose(const struct dis_tracker *tracker, nsec_t now_ns, struct p
         return false;
     struct dis_motion now;
     dis_dead_reckon(&tracker->motion, seconds_from_ns(now_ns - tracker->state_ns), &now);
-    pose_from_dis_motion(&now, ret_pose);
+    struct pose pose;
+    pose_from_dis_motion(&now, &pose);
+    if (!pose_is_sane(&pose))
+        return false;
+    *ret_pose = pose;
     ret_pose->time_ns = ret_pose->receive_ns = now_ns;
     return true;
 }

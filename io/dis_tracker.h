@@ -24,5 +24,7 @@ void dis_tracker_init(struct dis_tracker *tracker, const struct dis_filter *filt
 int dis_tracker_take(struct dis_tracker *tracker, const void *data, size_t size,
                      struct pose_sample *ret_sample, struct rejection *ret_rejection);
 
-/* Where the entity is at `now_ns`. False where nothing is known of it. */
+/* Where the entity is at `now_ns`. False where nothing is known of it, or what its last state leads
+ * to makes no sense any more (an acceleration of thousands of g, a minute on):
+ * `ret_pose` is then as it was. */
 bool dis_tracker_pose(const struct dis_tracker *tracker, nsec_t now_ns, struct pose *ret_pose);

@@ -343,6 +343,25 @@ static void frozen_and_deactivated_entities_do_not_move(void)
     CHECK(!dis_tracker_pose(&tracker, 5 * NSEC_PER_SEC, &pose));
 }
 
+/* What speeds up by ten thousand g is farther away than the moon after a minute and a half. */
+static void what_leaves_the_world_is_not_carried(void)
+{
+    struct dis_tracker tracker;
+    struct dis_entity entity = example_entity();
+    struct pose_sample sample;
+    struct pose pose = {.time_ns = 77};
+    dis_tracker_init(&tracker, &anyone);
+    entity.motion.acceleration_mps2[0] = 9e4;
+    datagram_size = 0;
+    add(&entity);
+    CHECK_INT(dis_tracker_take(&tracker, datagram, datagram_size, &sample, NULL), 1);
+    CHECK(dis_tracker_pose(&tracker, NSEC_PER_SEC, &pose));
+    CHECK(pose_is_sane(&pose));
+    pose.time_ns = 77;
+    CHECK(!dis_tracker_pose(&tracker, 90 * NSEC_PER_SEC, &pose));
+    CHECK_INT(pose.time_ns, 77);
+}
+
 struct heard {
     int poses;
     struct pose first, last;
@@ -462,6 +481,7 @@ static const struct check_test tests[] = {
     {"time goes on across the hour, and late states are refused",
      time_goes_on_across_the_hour_and_late_states_are_refused},
     {"frozen and deactivated entities do not move", frozen_and_deactivated_entities_do_not_move},
+    {"what leaves the world is not carried", what_leaves_the_world_is_not_carried},
     {"a source carries the entity forward until it is lost",
      a_source_carries_the_entity_forward_until_it_is_lost},
     {"a capture is flown by dead reckoning", a_capture_is_flown_by_dead_reckoning},
