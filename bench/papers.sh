@@ -104,7 +104,11 @@ cut_flight()
 }
 
 "$here/song_flight.sh" 46.75 -122.55 35 >"$out/song.csv"
-cut_flight 165 205 <"$out/song.csv" >"$out/turn.csv"
+# Into the turn, in frames that follow each other as they do where one flies: a GPU that waits for the
+# terrain of places farther apart lowers its clock.
+seconds=6
+[ ! "$SMALL" ] || seconds=1
+cut_flight 177 $((177 + seconds)) <"$out/song.csv" >"$out/sharp.csv"
 cut_flight 60 70 <"$out/song.csv" >"$out/straight.csv"
 cp "$here/puget_flight.csv" "$out/puget.csv"
 cut_flight 40 42 <"$out/puget.csv" >"$out/mountains.csv"

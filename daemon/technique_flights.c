@@ -8,6 +8,7 @@
 
 #define PAIRS       8 /* of frames, one after the other, whose motion is measured */
 #define WARM_FRAMES 8 /* that nobody counts before each round */
+#define WARM_NS     (2 * NSEC_PER_SEC)
 
 int flown_init(struct flown *flown, struct entry *entry, const struct flights_params *params)
 {
@@ -206,12 +207,26 @@ static int fly_round(struct stage *stage, const struct flights_params *params, s
     return 0;
 }
 
+/* Nobody's frames, for as long as the clock of a GPU that had little to do takes to rise. */
+static int warm_up(struct stage *stage, const struct flights_params *params, struct flown *flown)
+{
+    struct technique_cost cost;
+    nsec_t end_ns = clock_monotonic_ns() + (stage->gl.software ? 0 : WARM_NS);
+    int r = 0;
+    entry_tune(flown->entry, flown->setting);
+    while (r == 0 && clock_monotonic_ns() < end_ns)
+        r = fly_frame(stage, flown, -WARM_FRAMES * params->step_ns, &cost);
+    return r;
+}
+
 int flights_fly(struct stage *stage, const struct flights_params *params, struct flown *flown,
                 int count, struct diag *diag)
 {
     int r = judge_all(stage, params, flown, count);
     if (r == 0 && params->watched > 0)
         r = watch_all(stage, params, flown, count, diag);
+    if (r == 0)
+        r = warm_up(stage, params, &flown[0]);
     for (int round = 0; r == 0 && round < params->rounds; round++)
         for (int i = 0; r == 0 && i < count; i++) {
             r = fly_round(stage, params, &flown[i], round);

@@ -7,7 +7,7 @@ echo '## Ablation of `clipmap`'
 echo
 for radius in 32 64 128 256 512; do
     [ ! "$SMALL" ] || [ $radius -le 256 ] || continue
-    measure ablation-$radius 1920x1080 4097 turn.csv 15 clipmap@1,clipmap@0.05 --rounds 2 \
+    measure ablation-$radius 1920x1080 4097 sharp.csv 60 clipmap@1,clipmap@0.05 --rounds 2 \
         --every 50 --radius $radius
     echo "### n = $((2 * radius - 1))"
     echo

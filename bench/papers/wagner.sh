@@ -4,7 +4,7 @@
 
 echo '## Wagner 2004 (Athlon 1300, GeForce 3)'
 echo
-measure wagner 1024x768 1025 turn.csv 30 geomipmap-static@1,geomipmap-sent@1,geomipmap@1,clipmap@1 \
+measure wagner 1024x768 1025 sharp.csv 60 geomipmap-static@1,geomipmap-sent@1,geomipmap@1,clipmap@1 \
     --rounds 2 --every 100
 echo '### Table 1: frames a second, minimum scene and full scene'
 echo

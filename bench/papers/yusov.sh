@@ -8,7 +8,7 @@ for size in 5 9 33; do
 done
 echo '## Yusov 2012 (Core i7 at 2.67 GHz, GTX 480)'
 echo
-measure yusov-1920 1920x1200 16385 turn.csv 15 $all,clipmap@1,clipmap@2 --rounds 1 --every 100
+measure yusov-1920 1920x1200 16385 sharp.csv 60 $all,clipmap@1,clipmap@2 --rounds 1 --every 100
 
 echo '### Table 2.1: frames a second on average (least), 1920x1200, no procedural texturing'
 echo
@@ -60,7 +60,7 @@ if [ ! "$SMALL" ]; then
     for size in 1600x1200 1280x1024; do
         echo "### Tables 2.1 to 2.3 at $size: without and (second) with procedural texturing"
         echo
-        measure yusov-$size $size 16385 turn.csv 15 \
+        measure yusov-$size $size 16385 sharp.csv 60 \
             quadtree@1,quadtree@2,quadtree@3,quadtree-apart@1,quadtree-apart@2 --rounds 1 --every 1000
         if [ $size = 1600x1200 ]; then
             printed='quadtree@1;1 px;477 (275), 287 (208)
