@@ -78,6 +78,19 @@ static int read_all(struct document *document)
     return r;
 }
 
+/* The slip that libyaml has the least helpful words for. `line` counts from 0. */
+static bool is_indented_by_tab(const struct document *document, size_t line)
+{
+    const char *at = document->text, *end = at + document->size;
+    for (; at && line > 0; line--) {
+        at = memchr(at, '\n', (size_t)(end - at));
+        at += at ? 1 : 0;
+    }
+    while (at && at < end && *at == ' ')
+        at++;
+    return at && at < end && *at == '\t';
+}
+
 static void complain_syntax(struct document *document, const yaml_parser_t *parser)
 {
     unsigned line = (unsigned)parser->problem_mark.line + 1;
@@ -85,6 +98,9 @@ static void complain_syntax(struct document *document, const yaml_parser_t *pars
     const char *problem = parser->problem ? parser->problem : "not YAML";
     if (parser->error == YAML_READER_ERROR)
         document_complain(document, NULL, "%s, at byte %zu", problem, parser->problem_offset);
+    else if (strstr(problem, "cannot start any token") &&
+             is_indented_by_tab(document, parser->problem_mark.line))
+        document_complain_at(document, line, column, "a tab: lines are indented by spaces");
     else if (parser->context)
         document_complain_at(document, line, column, "%s %s", problem, parser->context);
     else

@@ -79,7 +79,7 @@ static bool same_stem(const char *a, const char *b)
 {
     const char *ua = strrchr(a, '_'), *ub = strrchr(b, '_');
     size_t la = ua ? (size_t)(ua - a) : strlen(a), lb = ub ? (size_t)(ub - b) : strlen(b);
-    return la == lb && strncmp(a, b, la) == 0;
+    return strncmp(a, b, lb) == 0 && (la == lb || strlen(a) == lb);
 }
 
 static const char *nearest_key(const cyaml_schema_field_t *fields, const char *name)

@@ -91,7 +91,9 @@ int channel_create(const struct channel_params *params, struct channel **ret_cha
                    struct diag *diag)
 {
     if (strcmp(params->technique, "clipmap") != 0)
-        return diag_set(diag, -EINVAL, "technique \"%s\" is not available (there is: clipmap)",
+        return diag_set(diag, -EINVAL,
+                        "only clipmap is flown, not technique \"%s\"; `otwd bench --help` tells of "
+                        "the others",
                         params->technique);
     int r = channel_geometry_check(&params->geometry, diag);
     if (r < 0)

@@ -70,6 +70,15 @@ static size_t sequence_length(const char *text)
     return probe ? length : 0;
 }
 
+void cli_print_json(json_t *report)
+{
+    if (!report)
+        return;
+    json_dumpf(report, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(7));
+    putchar('\n');
+    json_decref(report);
+}
+
 json_t *cli_json_text(const char *text)
 {
     json_t *whole = json_string(text);

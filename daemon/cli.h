@@ -16,6 +16,10 @@ int cli_fail(int error, const struct diag *diag);
 /* A text of the world (a path) as JSON: bytes that are no UTF-8 become U+FFFD. A new reference. */
 json_t *cli_json_text(const char *text);
 
+/* Prints a report on stdout, over several lines. Takes the reference; NULL prints nothing (no
+ * memory). */
+void cli_print_json(json_t *report);
+
 /* Numbers of an option within limits; anything else is an argp_error (status 64). */
 double cli_number(struct argp_state *state, const char *option, const char *text, double least,
                   double most);

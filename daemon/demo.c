@@ -19,7 +19,7 @@ enum { OPT_OUT = 256, OPT_SIZE, OPT_RATE, OPT_NO_VIDEO };
 struct demo_options {
     struct replay_params params;
     const char *out;
-    bool video, quiet;
+    bool video, quiet, json;
 };
 
 static const struct argp_option known[] = {
@@ -27,6 +27,7 @@ static const struct argp_option known[] = {
     {"size", OPT_SIZE, "WxH", 0, "pixels (default 1024x576)", 0},
     {"rate", OPT_RATE, "HZ", 0, "frames a second of flight (default 30)", 0},
     {"no-video", OPT_NO_VIDEO, NULL, 0, "leave the video out", 0},
+    {"json", 'j', NULL, 0, "print the report as JSON", 0},
     {"quiet", 'q', NULL, 0, "print errors only", 0},
     {0},
 };
@@ -37,6 +38,9 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
     switch (key) {
     case 'q':
         options->quiet = true;
+        return 0;
+    case 'j':
+        options->json = true;
         return 0;
     case OPT_OUT:
         options->out = argument;
@@ -91,7 +95,9 @@ static int fly(struct demo_options *options, struct diag *diag)
                                &flight, diag);
     if (r == 0)
         r = replay_fly(flight, &params, &report, &facts, diag);
-    if (r == 0 && !options->quiet) {
+    if (r == 0 && options->json) {
+        cli_print_json(report_json(&report, &facts));
+    } else if (r == 0 && !options->quiet) {
         replay_print_summary(&report, &facts);
         printf("pictures  %s\n", frames);
         if (options->video)

@@ -31,6 +31,15 @@ int html_end(FILE *file)
     return 0;
 }
 
+#define LABEL_ABOVE 16
+#define LABEL_BELOW 22
+
+void html_plot_begin(FILE *file, int width, int height)
+{
+    fprintf(file, "<svg viewBox=\"0 %d %d %d\">\n", -LABEL_ABOVE, width,
+            LABEL_ABOVE + height + LABEL_BELOW);
+}
+
 void html_text(FILE *file, const char *text)
 {
     for (; *text; text++) {

@@ -213,10 +213,7 @@ int replay_main(int argc, char **argv)
     if (r == 0)
         r = replay_fly(flight, &options.params, &report, &facts, &diag);
     if (r == 0 && options.json) {
-        json_t *json = report_json(&report, &facts);
-        json_dumpf(json, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(7));
-        putchar('\n');
-        json_decref(json);
+        cli_print_json(report_json(&report, &facts));
     } else if (r == 0 && !options.quiet) {
         replay_print_summary(&report, &facts);
     }

@@ -45,7 +45,7 @@ static void write_curve(FILE *file, const struct report *report)
     for (size_t i = 0; i < report->count; i++)
         top = fmax(top, report->frames[i].frame_ms);
     top = html_nice_above(top);
-    fprintf(file, "<svg viewBox=\"0 0 %d %d\">\n", PLOT_WIDTH, PLOT_HEIGHT + 22);
+    html_plot_begin(file, PLOT_WIDTH, PLOT_HEIGHT);
     write_axis(file, top, last_s);
     fputs("<path fill=\"none\" stroke=\"#0969da\" stroke-width=\"1.2\" d=\"", file);
     size_t columns = report->count < PLOT_WIDTH ? report->count : PLOT_WIDTH;
@@ -74,7 +74,7 @@ static void write_histogram(FILE *file, const struct report *report)
         if (++*bin > most)
             most = *bin;
     }
-    fprintf(file, "<svg viewBox=\"0 0 %d %d\">\n", PLOT_WIDTH, PLOT_HEIGHT + 22);
+    html_plot_begin(file, PLOT_WIDTH, PLOT_HEIGHT);
     for (int i = 0; i < BINS; i++) {
         /* Logarithmic, so that a single late frame is still seen. */
         double height = bins[i] ? PLOT_HEIGHT * (0.04 + 0.96 * log1p(bins[i]) / log1p(most)) : 0.0;

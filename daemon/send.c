@@ -29,7 +29,7 @@ struct send_options {
     struct send_params params;
     struct cigi_send_params cigi; /* where params.protocol says so */
     const char *flight, *url;
-    bool quiet;
+    bool quiet, json;
 };
 
 static atomic_bool stopping;
@@ -51,6 +51,7 @@ static const struct argp_option known[] = {
     {"listen", OPT_LISTEN, "ADDRESS:PORT", 0,
      "CIGI: where Start of Frame comes to (default 127.0.0.1:8005)", 0},
     {"database", OPT_DATABASE, "N", 0, "CIGI: the database to ask for first, 1 to 127", 0},
+    {"json", 'j', NULL, 0, "print what was sent as JSON", 0},
     {"quiet", 'q', NULL, 0, "print errors only", 0},
     {0},
 };
@@ -89,6 +90,9 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
     switch (key) {
     case 'q':
         options->quiet = true;
+        return 0;
+    case 'j':
+        options->json = true;
         return 0;
     case OPT_TO:
         options->url = argument;
@@ -165,7 +169,11 @@ static int send_poses(const struct flight *flight, const struct send_options *op
     if (r < 0)
         return r;
     r = send_run(schedule, options->url, options->params.protocol, &stopping, &result, diag);
-    if (r == 0 && !options->quiet)
+    if (r == 0 && options->json)
+        cli_print_json(json_pack("{s:I, s:I, s:I}", "sent", (json_int_t)result.sent, "left_out",
+                                 (json_int_t)schedule->left_out, "refused",
+                                 (json_int_t)result.failed));
+    else if (r == 0 && !options->quiet)
         printf("%llu packets sent, %llu left out, %llu refused\n", (unsigned long long)result.sent,
                (unsigned long long)schedule->left_out, (unsigned long long)result.failed);
     /* A refusal is heard of at the next packet, so of those to a closed port about half are. */
@@ -181,7 +189,13 @@ static int send_cigi(const struct flight *flight, struct send_options *options, 
     options->cigi.rate_hz = options->params.rate_hz;
     options->cigi.speed = options->params.speed;
     int r = cigi_send_run(flight, options->url, &options->cigi, &stopping, &result, diag);
-    if (r == 0 && !options->quiet)
+    if (r == 0 && options->json)
+        cli_print_json(json_pack("{s:I, s:I, s:I, s:I, s:I, s:I}", "sent", (json_int_t)result.sent,
+                                 "refused", (json_int_t)result.failed, "starts_of_frame",
+                                 (json_int_t)result.starts, "gaps", (json_int_t)result.gaps,
+                                 "starts_refused", (json_int_t)result.refused, "not_in_step",
+                                 (json_int_t)result.unheld));
+    else if (r == 0 && !options->quiet)
         printf("%llu messages sent, %llu refused; %llu Starts of Frame, %llu gaps in their "
                "numbers, %llu refused, %llu not in step\n",
                (unsigned long long)result.sent, (unsigned long long)result.failed,

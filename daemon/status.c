@@ -100,8 +100,12 @@ static void print_frames(FILE *out, const struct health *h)
     fprintf(out, "%-20sp50 %.3f  p99 %.3f  max %.3f\n", "frame time, ms",
             milliseconds_from_ns(h->frame.p50_ns), milliseconds_from_ns(h->frame.p99_ns),
             milliseconds_from_ns(h->frame.max_ns));
-    fprintf(out, "%-20sp50 %.3f  p99 %.3f\n", "transport delay, ms",
-            milliseconds_from_ns(h->transport.p50_ns), milliseconds_from_ns(h->transport.p99_ns));
+    if (h->transport.p99_ns > 0)
+        fprintf(out, "%-20sp50 %.3f  p99 %.3f\n", "transport delay, ms",
+                milliseconds_from_ns(h->transport.p50_ns),
+                milliseconds_from_ns(h->transport.p99_ns));
+    else
+        fprintf(out, "%-20snone: no pose in the last second\n", "transport delay, ms");
 }
 
 void status_print(FILE *out, const struct health *h)

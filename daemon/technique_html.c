@@ -78,7 +78,7 @@ static void write_time_plot(FILE *file, const struct technique_report *report,
         fastest_ms = fmin(fastest_ms, spread.p50);
     }
     double top_ms = html_nice_above(fmin(most_ms, 10.0 * fastest_ms));
-    fprintf(file, "<svg viewBox=\"0 0 %d %d\">\n", PLOT_WIDTH, PLOT_HEIGHT + 22);
+    html_plot_begin(file, PLOT_WIDTH, PLOT_HEIGHT);
     for (int i = 0; i <= 4; i++) {
         double y = PLOT_HEIGHT * (1.0 - i / 4.0);
         write_line(file, 0.0, y, PLOT_WIDTH, y);
@@ -120,7 +120,7 @@ static void write_error_plot(FILE *file, const struct technique_report *report)
             widen(&ms, report->curves[i].points[k].terrain_ms);
             widen(&px, fmax(report->curves[i].points[k].p99_px, 0.01 * report->error_px));
         }
-    fprintf(file, "<svg viewBox=\"0 0 %d %d\">\n", PLOT_WIDTH, PLOT_HEIGHT + 22);
+    html_plot_begin(file, PLOT_WIDTH, PLOT_HEIGHT);
     for (int d = 0; d <= px.to - px.from; d++) {
         double error_px = pow(10.0, px.from + d), y = PLOT_HEIGHT * (1.0 - along(&px, error_px));
         write_line(file, 0.0, y, PLOT_WIDTH, y);

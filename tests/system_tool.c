@@ -10,6 +10,9 @@
  *                                     once, so many times, each time when all is answered
  *   system_tool cigi-late PORT REPLY  a CIGI host in synchronous operation that is late or behind:
  *                                     a line as each way of it begins
+ *   system_tool picture-differs A.png B.png LEVELS
+ *                                     the pixels, in 10000, of which some colour differs by more
+ *                                     than that many levels of 255
  *   system_tool swaps GROUP INTERFACE FROM_S
  *                                     a line for each frame that channels of a swap lock tell that
  *                                     they show, until killed: number, channel, whose number (host
@@ -17,6 +20,7 @@
  */
 #include <math.h>
 #include <netinet/in.h>
+#include <png.h>
 #include <poll.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -467,6 +471,43 @@ static int swaps(const char *group, const char *interface, nsec_t from_ns)
     return 0;
 }
 
+/* RGB, of which the caller is the owner; ends the program where there is none. */
+static png_bytep read_picture(const char *path, png_image *picture)
+{
+    *picture = (png_image){.version = PNG_IMAGE_VERSION};
+    png_bytep pixels = NULL;
+    if (png_image_begin_read_from_file(picture, path)) {
+        picture->format = PNG_FORMAT_RGB;
+        pixels = malloc(PNG_IMAGE_SIZE(*picture));
+    }
+    if (!pixels || !png_image_finish_read(picture, NULL, pixels, 0, NULL)) {
+        fprintf(stderr, "%s: %s\n", path, picture->message);
+        exit(66);
+    }
+    return pixels;
+}
+
+static int picture_differs(char **argv)
+{
+    png_image first, second;
+    png_bytep a = read_picture(argv[0], &first), b = read_picture(argv[1], &second);
+    if (first.width != second.width || first.height != second.height) {
+        fputs("the pictures have two sizes\n", stderr);
+        return 65;
+    }
+    size_t pixels = (size_t)first.width * first.height, differing = 0;
+    for (size_t i = 0; i < pixels; i++) {
+        int greatest = 0;
+        for (size_t j = 3 * i; j < 3 * i + 3; j++)
+            greatest = abs(a[j] - b[j]) > greatest ? abs(a[j] - b[j]) : greatest;
+        differing += greatest > atoi(argv[2]);
+    }
+    printf("%zu\n", differing * 10000 / pixels);
+    free(a);
+    free(b);
+    return 0;
+}
+
 int main(int argc, char **argv)
 {
     const char *what = argc > 1 ? argv[1] : "";
@@ -485,6 +526,8 @@ int main(int argc, char **argv)
         return cigi_late(argv + 2);
     if (strcmp(what, "cigi-ask") == 0 && argc == 7)
         return cigi_ask(argv + 2);
+    if (strcmp(what, "picture-differs") == 0 && argc == 5)
+        return picture_differs(argv + 2);
     if (strcmp(what, "swaps") == 0 && argc == 5)
         return swaps(argv[2], argv[3], atoll(argv[4]) * NSEC_PER_SEC);
     fputs("usage: see the head of tests/system_tool.c\n", stderr);

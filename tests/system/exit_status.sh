@@ -28,6 +28,7 @@ expect() {
     expect 74 'flight.csv: cannot make the directory' $fly --frames flight.csv flight.csv
     expect 74 'flight.csv: cannot make the directory' $fly --report flight.csv flight.csv
     expect 69 'x.mp4: ffmpeg is not installed' env PATH=/absent $fly --video x.mp4 flight.csv
+    expect 64 "only clipmap is flown" $fly --technique quadtree flight.csv
     expect 64 'H.264 needs an even width' $fly --size 65x36 --video x.mp4 flight.csv
     # With nowhere to keep the geoid it flies all the same.
     env -u HOME -u XDG_CACHE_HOME -u CACHE_DIRECTORY $fly flight.csv || fail "no cache: status $?"
