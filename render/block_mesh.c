@@ -11,10 +11,12 @@
 
 /* By software draws are small and handed over one by one: one is rasterised while the next one's
  * vertices are gone through. */
-#define SOFTWARE_BLOCKS 128
-#define BLOCKS_LEAST    512  /* of a level, that there is room for */
-#define PANE_LANES      1024 /* of reach.comp: they go over a pane's blocks together */
-#define LANES_SOFTWARE  64
+#define SOFTWARE_BLOCKS     128
+#define BLOCKS_LEAST        512  /* of a level, that there is room for */
+#define PANE_LANES          1024 /* of reach.comp: they go over a pane's blocks together */
+#define PANE_LANES_SOFTWARE 64
+/* By software a block's work group is what its vectors hold: no lane waits for another. */
+#define LANES_SOFTWARE 8
 /* A GPU has room for all blocks at a time: the shorter the way of one, the better. */
 #define LANES_MOST 512
 
@@ -31,7 +33,7 @@ enum {
 };
 
 #define BLOCK_BYTES  (8 * sizeof(GLint)) /* as select.comp writes one */
-#define VERTEX_BYTES (4 * sizeof(GLfloat))
+#define VERTEX_BYTES (3 * sizeof(GLfloat))
 
 struct draw_command {
     GLuint indices, instances, first, base_vertex, base_instance;
@@ -142,7 +144,7 @@ static void create_lists(struct block_mesh *mesh)
     glVertexArrayVertexBuffer(mesh->vertex_array, 0, mesh->storages[STORAGE_VERTICES], 0,
                               VERTEX_BYTES);
     glVertexArrayElementBuffer(mesh->vertex_array, mesh->storages[STORAGE_INDICES]);
-    glVertexArrayAttribFormat(mesh->vertex_array, 0, 4, GL_FLOAT, GL_FALSE, 0);
+    glVertexArrayAttribFormat(mesh->vertex_array, 0, 3, GL_FLOAT, GL_FALSE, 0);
     glEnableVertexArrayAttrib(mesh->vertex_array, 0);
     glVertexArrayAttribBinding(mesh->vertex_array, 0, 0);
 }
@@ -150,16 +152,16 @@ static void create_lists(struct block_mesh *mesh)
 static int create_programs(struct block_mesh *mesh, struct diag *diag)
 {
     const struct {
-        const char *name, *shared;
+        const char *name, *shared[2];
         GLuint *program;
         int split, raster;
     } programs[] = {
-        {"reach", "blocks.glsl", &mesh->reach_program, 0, 0},
-        {"select", "blocks.glsl", &mesh->split_program, 1, 0},
-        {"select", "blocks.glsl", &mesh->list_program, 0, 0},
-        {"mesh", "raster.glsl", &mesh->mesh_program, 0, 0},
-        {"mesh", "raster.glsl", &mesh->raster_program, 0, 1},
-        {"terrain", NULL, &mesh->draw_program, 0, 0},
+        {"reach", {"blocks.glsl"}, &mesh->reach_program, 0, 0},
+        {"select", {"blocks.glsl"}, &mesh->split_program, 1, 0},
+        {"select", {"blocks.glsl"}, &mesh->list_program, 0, 0},
+        {"mesh", {"raster.glsl", "seen.glsl"}, &mesh->mesh_program, 0, 0},
+        {"mesh", {"raster.glsl", "seen.glsl"}, &mesh->raster_program, 0, 1},
+        {"terrain", {NULL}, &mesh->draw_program, 0, 0},
     };
     int squares = mesh->shape.block * mesh->shape.block, r = 0;
     int lanes = 2 * squares < LANES_MOST ? 2 * squares : LANES_MOST;
@@ -168,14 +170,17 @@ static int create_programs(struct block_mesh *mesh, struct diag *diag)
         snprintf(defines, sizeof(defines),
                  "#define BLOCK %d\n#define TABLE %d\n#define DRAWS %u\n"
                  "#define BLOCKS_A_DRAW %u\n#define SPLIT %d\n#define RASTER %d\n"
-                 "#define LANES %d\n#define PANE_LANES %d\n%s",
+                 "#define LANES %d\n#define PANE_LANES %d\n#define SQUARES %d\n%s",
                  mesh->shape.block, clipmap_table(&mesh->shape), mesh->draw_count,
                  mesh->blocks_a_draw, programs[i].split, programs[i].raster,
                  mesh->software ? LANES_SOFTWARE : lanes,
-                 mesh->software ? LANES_SOFTWARE : PANE_LANES,
-                 mesh->software && programs[i].shared ? "#define HELD\n" : "");
+                 mesh->software ? PANE_LANES_SOFTWARE : PANE_LANES,
+                 mesh->software && !programs[i].raster,
+                 mesh->software && programs[i].shared[0] ? "#define HELD\n" : "");
         const struct program_params params = {
-            .name = programs[i].name, .defines = defines, .shared = {programs[i].shared}};
+            .name = programs[i].name,
+            .defines = defines,
+            .shared = {programs[i].shared[0], programs[i].shared[1]}};
         r = program_create(&params, programs[i].program, diag);
     }
     return r;

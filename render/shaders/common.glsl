@@ -219,9 +219,8 @@ vec2 exact_tan(vec2 x)
 
 #if !SCENE_CARRIED
 // From angles (xi, eta) away from those of the eye on a pane's face.
-vec3 normal_difference_of_angle(int pane, vec2 angle)
+vec3 normal_difference_of_angle(Pane at, vec2 angle)
 {
-    Pane at = scene_block.panes[pane];
     vec2 t = exact_tan(angle);
     vec2 g = t / (1.0 - vec2(at.along_xi.w, at.along_eta.w) * t);
     vec3 m = g.x * at.along_xi.xyz + g.y * at.along_eta.xyz;
@@ -232,11 +231,15 @@ vec3 normal_difference_of_angle(int pane, vec2 angle)
 }
 
 // From a half-post of a level on a pane's face.
+vec3 normal_difference(Pane at, ivec2 halves, int level)
+{
+    vec2 angle = vec2((halves << level) - at.origin.xy) * scene.grid.x + at.base.xy;
+    return normal_difference_of_angle(at, angle);
+}
+
 vec3 normal_difference(int pane, ivec2 halves, int level)
 {
-    Pane at = scene_block.panes[pane];
-    vec2 angle = vec2((halves << level) - at.origin.xy) * scene.grid.x + at.base.xy;
-    return normal_difference_of_angle(pane, angle);
+    return normal_difference(scene_block.panes[pane], halves, level);
 }
 #endif
 

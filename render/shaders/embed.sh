@@ -11,7 +11,8 @@ shared_of()
     folder=$(dirname "$1")
     case ${1##*/} in
     shade*) cat "$folder/common.glsl" "$folder/images.glsl" "$folder/shade.glsl" ;;
-    mesh.* | raster*) cat "$folder/common.glsl" "$folder/raster.glsl" ;;
+    mesh.*) cat "$folder/common.glsl" "$folder/raster.glsl" "$folder/seen.glsl" ;;
+    raster*) cat "$folder/common.glsl" "$folder/raster.glsl" ;;
     reach.* | select.*) cat "$folder/common.glsl" "$folder/blocks.glsl" ;;
     technique_persistent_grid*)
         cat "$folder/common.glsl" "$folder/field.glsl" "$folder/technique_persistent_grid.glsl" \
@@ -38,7 +39,8 @@ check()
             printf '#define FIELD_COL 128\n#define FIELD_ROW 128\n#define FIELD_CELLS 256\n'
             printf '#define FIELD_PIECE 128\n'
             printf '#define FIELD_PANE 1\n#define GRID_CELLS 128\n#define LEVELS 10\n'
-            printf '#define LANES 64\n#define PANE_LANES 64\n'
+            printf '#define LANES 64\n#define PANE_LANES 64\n#define SQUARES %d\n' \
+                "$(case $variant in "0 1"*) echo 1 ;; *) echo 0 ;; esac)"
             printf '#define GROUND 1\n#define SKY %d\n' "${variant%% *}"
             printf '#define SAMPLE_PLACES vec2(0.25), vec2(0.75)\n#define IMAGE_TAPS 4\n#define STORAGE 256\n'
             printf '#define PATCH_CELLS 128\n#define BLOCK_CELLS 16\n'

@@ -79,7 +79,7 @@ vec2 field_eye_rest()
 // field_enu_of_difference().
 vec3 field_difference(vec2 posts_from_eye)
 {
-    return normal_difference_of_angle(FIELD_PANE, 2.0 * scene.grid.x * posts_from_eye);
+    return normal_difference_of_angle(scene_block.panes[FIELD_PANE], 2.0 * scene.grid.x * posts_from_eye);
 }
 
 // And back: posts from the eye, to within 1e-6 of them; the place is on the field's side of the

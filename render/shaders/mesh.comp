@@ -14,7 +14,12 @@ const int VERTICES = POSTS + 4 * BLOCK;    // a block's: its posts, then the mid
                                            // west, east, south and north edge
 const int FANS = BLOCK * BLOCK * 2;        // triangles, before edges are doubled
 const int INDICES = 3 * (FANS + 4 * BLOCK);
-const int ROUNDS = (FANS + LANES - 1) / LANES;
+#if SQUARES
+const int ITEMS = FANS / 8;                // of which an invocation takes one at a time: squares
+#else
+const int ITEMS = FANS;
+#endif
+const int ROUNDS = (ITEMS + LANES - 1) / LANES;
 
 struct Draw {
     uint indices, instances, first, base_vertex, base_instance;
@@ -33,17 +38,39 @@ layout(std430, binding = 1) buffer Draws {
 };
 layout(std430, binding = 2) readonly buffer Blocks { Block blocks[]; };
 #if !RASTER
-layout(std430, binding = 4) writeonly buffer Vertices { vec4 vertices[]; }; // enu
+layout(std430, binding = 4) writeonly buffer Vertices { float vertices[]; }; // enu, three each
 layout(std430, binding = 5) writeonly buffer Indices { uint indices[]; };
 #endif
 
 layout(binding = 0) uniform sampler2DArray heights; // own and coarser, m above the ellipsoid
 
-// The lattice in which samples of the picture lie: half of its columns and rows, and where the first of
-// each is. No columns: all triangles are kept.
-layout(location = 0) uniform vec3 lattice;
+// What corner_from() gives; software reads and writes what is shared number by number, and does without z.
+#if RASTER
+shared vec4 corners[VERTICES];
 
-shared vec4 corners[VERTICES]; // corner_from()
+vec4 corner_of(int vertex)
+{
+    return corners[vertex];
+}
+
+void keep_corner(int vertex, vec4 corner)
+{
+    corners[vertex] = corner;
+}
+#else
+shared vec3 corners[VERTICES];
+
+vec4 corner_of(int vertex)
+{
+    vec3 corner = corners[vertex];
+    return vec4(corner.xy, 0.0, corner.z);
+}
+
+void keep_corner(int vertex, vec4 corner)
+{
+    corners[vertex] = corner.xyw;
+}
+#endif
 shared uint kept, base;
 
 struct Name {
@@ -88,15 +115,11 @@ vec2 heights_at(int layer, ivec2 post)
     return texelFetch(heights, ivec3(uvec2(post) % uint(TABLE * BLOCK), layer), 0).rg;
 }
 
-vec3 vertex_at(Block block, ivec2 halves)
+// A vertex by the name that is its own in the world.
+vec3 vertex_named(Block block, ivec2 halves, Name name, Pane pane)
 {
-    int level = block.place.z & 31;
-    Name name = Name(block.place.z >> 5, halves);
-    int end = scene.sizes.y >> level;
-    bool inside = all(greaterThan(name.halves, ivec2(0))) && all(lessThan(name.halves, ivec2(end)));
-    name = lowest_name(name, end, inside ? 0 : 4);
-    int layer = PANES * level + name.pane;
-    vec3 dn = normal_difference(name.pane, name.halves, level);
+    int level = block.place.z & 31, layer = PANES * level + name.pane;
+    vec3 dn = normal_difference(pane, name.halves, level);
     vec2 pair = heights_at(layer, name.halves >> 1);
     float blend = blend_at(dn, reach_at(block, halves, level));
     if (((name.halves.x | name.halves.y) & 1) != 0) {
@@ -108,6 +131,40 @@ vec3 vertex_at(Block block, ivec2 halves)
     pair -= scene.eye_trig.w;
     float rise = pair.x * (1.0 - blend) + pair.y * blend - scene.eye_rest.x;
     return enu_from_difference(dn, height, rise);
+}
+
+// Half-posts along a face.
+int end_of(Block block)
+{
+    return scene.sizes.y >> (block.place.z & 31);
+}
+
+bool on_an_edge(ivec2 halves, int end)
+{
+    return any(lessThanEqual(halves, ivec2(0))) || any(greaterThanEqual(halves, ivec2(end)));
+}
+
+vec3 vertex_at(Block block, ivec2 halves)
+{
+    int end = end_of(block);
+    Name name = lowest_name(Name(block.place.z >> 5, halves), end, on_an_edge(halves, end) ? 4 : 0);
+    return vertex_named(block, halves, name, scene_block.panes[name.pane]);
+}
+
+// The vertices that a block has, by number: its posts, then the middles along edges that are doubled.
+int vertex_count(int doubled)
+{
+    return POSTS + BLOCK * bitCount(doubled);
+}
+
+int nth_vertex(int n, int doubled)
+{
+    if (n < POSTS)
+        return n;
+    int before = (n - POSTS) / BLOCK, sides = doubled; // doubled edges
+    for (int i = 0; i < 3; i++)
+        sides = i < before ? sides & (sides - 1) : sides;
+    return n + BLOCK * (findLSB(sides) - before);
 }
 
 // Where a vertex lies in its block, in half cells.
@@ -126,70 +183,6 @@ int vertex_of(ivec2 halves)
         return (halves.y >> 1) * (BLOCK + 1) + (halves.x >> 1);
     return (halves.y & 1) == 1 ? POSTS + BLOCK * int(halves.x > 0) + (halves.y >> 1)
                                : POSTS + BLOCK * (2 + int(halves.y > 0)) + (halves.x >> 1);
-}
-
-#if RASTER
-
-// Where what is before the near plane of a triangle that it cuts lies on the screen: x / w and y / w, a
-// little more where its corners are far aside, for rounding.
-void cut_range(vec4 corners[3], out vec2 least, out vec2 most)
-{
-    float near = scene.grid.w, margin = 0.0;
-    least = vec2(1e30);
-    most = vec2(-1e30);
-    for (int i = 0; i < 3; i++) {
-        vec4 from = corners[i], to = corners[(i + 1) % 3];
-        bool ahead = from.w >= near;
-        if (ahead) {
-            least = min(least, from.xy);
-            most = max(most, from.xy);
-        }
-        if (ahead == (to.w >= near))
-            continue;
-        vec2 clip = from.xy * from.w, way = to.xy * to.w - clip;
-        vec2 at = (clip + way * ((near - from.w) / (to.w - from.w))) / near;
-        least = min(least, at);
-        most = max(most, at);
-        margin = max(margin, exp2(-20.0) / near * max(abs(clip.x) + abs(way.x), abs(clip.y) + abs(way.y)));
-    }
-    least -= margin;
-    most += margin;
-}
-
-#else
-
-// What is but listed is kept: software runs both sides of a branch, and such triangles are few.
-void cut_range(vec4 corners[3], out vec2 least, out vec2 most)
-{
-    least = vec2(-1.0);
-    most = vec2(1.0);
-}
-
-#endif
-
-// The columns and rows of the lattice in which a triangle may have samples. False where there are
-// none, for it is behind, beside, turned away, or lies between samples.
-bool bounds_of(vec4 a, vec4 b, vec4 c, out vec2 first, out vec2 last)
-{
-    const float MARGIN = 1.0 / 64.0; // of a pixel; a rasteriser moves vertices by less
-    first = vec2(0.0);
-    last = 2.0 * lattice.xy - 1.0;
-    if (lattice.x == 0.0)
-        return true;
-    vec2 least = min(a.xy, min(b.xy, c.xy)), most = max(a.xy, max(b.xy, c.xy));
-    bool cut = min(a.w, min(b.w, c.w)) < scene.grid.w;
-    if (cut)
-        cut_range(vec4[3](a, b, c), least, most);
-    least = max(least, vec2(-1.0));
-    most = min(most, vec2(1.0));
-    first = ceil((least + 1.0) * lattice.xy - (lattice.z + MARGIN));
-    last = floor((most + 1.0) * lattice.xy - (lattice.z - MARGIN));
-    if (any(greaterThan(first, last)))
-        return false;
-    if (cut)
-        return true;
-    vec2 u = (b.xy - a.xy) * lattice.xy, v = (c.xy - a.xy) * lattice.xy;
-    return u.x * v.y - u.y * v.x >= -MARGIN * (abs(u.x) + abs(u.y) + abs(v.x) + abs(v.y) + MARGIN);
 }
 
 #if RASTER
@@ -229,16 +222,16 @@ void draw_large(vec4 a, vec4 b, vec4 c, ivec2 first, ivec2 last)
 // Whether a triangle is to be counted; with RASTER it is drawn.
 bool is_kept(vec4 a, vec4 b, vec4 c)
 {
-    vec2 across = scene.view_rays.zw - scene.view_rays.xy, first, last;
+    vec2 first, last;
+    if (!bounds_of(a, b, c, first, last))
+        return false;
+#if RASTER
+    vec2 across = scene.view_rays.zw - scene.view_rays.xy, size = last - first + 1.0;
     if (across.x * across.y < 0.0) { // a mirror turns triangles round
         vec4 d = b;
         b = c;
         c = d;
     }
-    if (!bounds_of(a, b, c, first, last))
-        return false;
-#if RASTER
-    vec2 size = last - first + 1.0;
     if (size.x * size.y <= SMALL)
         draw_small(a, b, c, ivec2(first), ivec2(last));
     else
@@ -277,54 +270,224 @@ Fan fan_at(int index, int doubled)
 // Bits: which of the two triangles to keep.
 int kept_of(Fan fan)
 {
-    vec4 middle = corners[fan.middle], between = corners[fan.between];
-    int first = is_kept(middle, corners[fan.from], between) ? 1 : 0;
+    vec4 middle = corner_of(fan.middle), between = corner_of(fan.between);
+    int first = is_kept(middle, corner_of(fan.from), between) ? 1 : 0;
     if (!fan.two)
         return first;
-    return first | (is_kept(middle, between, corners[fan.to]) ? 2 : 0);
+    return first | (is_kept(middle, between, corner_of(fan.to)) ? 2 : 0);
 }
 
 #if !RASTER
 
-void put(uint at, uint first, int a, int b, int c)
+// Writes a triangle, and says where the next one goes.
+uint put(uint at, uint first, int a, int b, int c)
 {
     indices[at] = first + uint(a);
     indices[at + 1u] = first + uint(b);
     indices[at + 2u] = first + uint(c);
+    return at + 3u;
 }
 
-// Writes what an invocation keeps, from `at` on.
-void list_kept(int keep[ROUNDS], uint at, uint first, int doubled)
+uint put_fan(uint at, uint first, Fan fan, int keep)
 {
-    for (int i = 0; i < ROUNDS; i++) {
-        if (keep[i] == 0)
-            continue;
-        Fan fan = fan_at(LANES * i + int(gl_LocalInvocationIndex), doubled);
-        if ((keep[i] & 1) != 0) {
-            put(at, first, fan.middle, fan.from, fan.between);
-            at += 3u;
-        }
-        if ((keep[i] & 2) != 0) {
-            put(at, first, fan.middle, fan.between, fan.to);
-            at += 3u;
-        }
-    }
+    if ((keep & 1) != 0)
+        at = put(at, first, fan.middle, fan.from, fan.between);
+    if ((keep & 2) != 0)
+        at = put(at, first, fan.middle, fan.between, fan.to);
+    return at;
 }
 
 #endif
+
+#if SQUARES
+
+// By software an invocation takes a whole square, so that it reads each corner once. Sides on doubled
+// edges, which are few, come after all squares.
+
+// The middle of a square, and the vertices around it, of which the last is the first.
+int middle_of(int square)
+{
+    const int SIDE = BLOCK / 2;
+    return (2 * (square / SIDE) + 1) * (BLOCK + 1) + 2 * (square % SIDE) + 1;
+}
+
+int around(int middle, int part)
+{
+    ivec2 off = ring[part & 7] - 1;
+    return middle + off.y * (BLOCK + 1) + off.x;
+}
+
+// Bits: which sides lie on doubled edges.
+int doubled_parts(int square, int doubled)
+{
+    const int SIDE = BLOCK / 2;
+    ivec2 at = ivec2(square % SIDE, square / SIDE);
+    return (at.y == 0 && (doubled & 4) != 0 ? 0x03 : 0) | (at.x == SIDE - 1 && (doubled & 2) != 0 ? 0x0c : 0) |
+           (at.y == SIDE - 1 && (doubled & 8) != 0 ? 0x30 : 0) | (at.x == 0 && (doubled & 1) != 0 ? 0xc0 : 0);
+}
+
+// Bits: which of the triangles around its middle to keep.
+int kept_of_square(int square, int doubled)
+{
+    int at = middle_of(square), keep = 0;
+    vec4 middle = corner_of(at), first = corner_of(around(at, 0)), from = first;
+    for (int part = 0; part < 8; part++) {
+        vec4 to = first;
+        if (part < 7)
+            to = corner_of(around(at, part + 1));
+        keep |= is_kept(middle, from, to) ? 1 << part : 0;
+        from = to;
+    }
+    return keep & ~doubled_parts(square, doubled);
+}
+
+// The side of the nth cell along doubled edges.
+Fan nth_doubled(int n, int doubled)
+{
+    int between = nth_vertex(POSTS + n, doubled), along = (between - POSTS) % BLOCK;
+    int side = (between - POSTS) / BLOCK; // west, east, south, north
+    int across = side & 1; // seen from the middle sides go round leftwards
+    bool back = side == 0 || side == 3;
+    ivec2 near = ivec2(across * BLOCK, along), far = ivec2(across * BLOCK, along + 1);
+    ivec2 middle = ivec2(across * (BLOCK - 2) + 1, along | 1);
+    near = side < 2 ? near : near.yx;
+    far = side < 2 ? far : far.yx;
+    middle = side < 2 ? middle : middle.yx;
+    ivec2 from = back ? far : near, to = back ? near : far;
+    return Fan(middle.y * (BLOCK + 1) + middle.x, from.y * (BLOCK + 1) + from.x, between,
+               to.y * (BLOCK + 1) + to.x, true);
+}
+
+#endif
+
+#if SQUARES
+
+struct Kept {
+    int squares[ROUNDS]; // bits of each round
+    int doubled;         // two of each round
+};
+
+Kept find_kept(int doubled, out uint count)
+{
+    int lane = int(gl_LocalInvocationIndex), end = BLOCK * bitCount(doubled);
+    Kept keep;
+    keep.doubled = 0;
+    count = 0u;
+    for (int i = 0; i < ROUNDS; i++) {
+        int square = LANES * i + lane;
+        keep.squares[i] = square < ITEMS ? kept_of_square(square, doubled) : 0;
+        count += uint(bitCount(keep.squares[i]));
+    }
+    int n = lane, shift = 0;
+    do {
+        if (n < end)
+            keep.doubled |= kept_of(nth_doubled(n, doubled)) << shift;
+        n += LANES;
+        shift += 2;
+    } while (n < end);
+    count += uint(bitCount(keep.doubled));
+    return keep;
+}
+
+#else
+
+struct Kept {
+    int fans[ROUNDS];
+};
+
+Kept find_kept(int doubled, out uint count)
+{
+    Kept keep;
+    count = 0u;
+    for (int i = 0; i < ROUNDS; i++) {
+        int at = LANES * i + int(gl_LocalInvocationIndex);
+        keep.fans[i] = at < FANS ? kept_of(fan_at(at, doubled)) : 0;
+        count += uint((keep.fans[i] & 1) + (keep.fans[i] >> 1));
+    }
+    return keep;
+}
+
+#endif
+
+#if !RASTER
+
+// Writes what an invocation keeps, from `at` on.
+void list_kept(Kept keep, uint at, uint first, int doubled)
+{
+    int lane = int(gl_LocalInvocationIndex);
+#if SQUARES
+    for (int i = 0; i < ROUNDS; i++) {
+        int middle = middle_of(LANES * i + lane);
+        for (int part = 0; part < 8; part++)
+            if ((keep.squares[i] >> part & 1) != 0)
+                at = put(at, first, middle, around(middle, part), around(middle, part + 1));
+    }
+    int n = lane;
+    do {
+        at = put_fan(at, first, nth_doubled(n, doubled), keep.doubled & 3);
+        keep.doubled >>= 2;
+        n += LANES;
+    } while (keep.doubled != 0);
+#else
+    for (int i = 0; i < ROUNDS; i++)
+        at = put_fan(at, first, fan_at(LANES * i + lane, doubled), keep.fans[i]);
+#endif
+}
+
+#endif
+
+void keep_vertex(int vertex, vec3 enu, uint first)
+{
+    keep_corner(vertex, corner_from(scene.clip_from_enu * vec4(enu, 1.0)));
+#if !RASTER
+    uint at = 3u * (first + uint(vertex));
+    vertices[at] = enu.x;
+    vertices[at + 1u] = enu.y;
+    vertices[at + 2u] = enu.z;
+#endif
+}
+
+#if SQUARES
+
+// Software goes through a loop whose test comes first once more than that is true, and through one whose
+// test comes last once at least. What depends on the pane it looks up value by value, so first all vertices
+// have the block's own; where the block lies on an edge of the cube those on that edge are placed anew.
+void place_vertices(Block block, uint first)
+{
+    int lane = int(gl_LocalInvocationIndex), n = lane, count = vertex_count(block.place.w);
+    int own = block.place.z >> 5, end = end_of(block);
+    Pane pane = scene_block.panes[own];
+    do {
+        if (n < count) {
+            int i = nth_vertex(n, block.place.w);
+            ivec2 halves = 2 * block.place.xy + halves_of(i);
+            keep_vertex(i, vertex_named(block, halves, Name(own, halves), pane), first);
+        }
+        n += LANES;
+    } while (n < count);
+    ivec2 low = 2 * block.place.xy, high = low + 2 * BLOCK;
+    int anew = on_an_edge(low, end) || on_an_edge(high, end) ? count : 0;
+    n = lane;
+    do {
+        int i = nth_vertex(n, block.place.w);
+        ivec2 halves = 2 * block.place.xy + halves_of(i);
+        if (n < anew && on_an_edge(halves, end))
+            keep_vertex(i, vertex_at(block, halves), first);
+        n += LANES;
+    } while (n < anew);
+}
+
+#else
 
 void place_vertices(Block block, uint first)
 {
-    for (int i = int(gl_LocalInvocationIndex); i < VERTICES; i += LANES) {
-        if (i >= POSTS && (block.place.w >> ((i - POSTS) / BLOCK) & 1) == 0)
-            continue;
-        vec3 enu = vertex_at(block, 2 * block.place.xy + halves_of(i));
-        corners[i] = corner_from(scene.clip_from_enu * vec4(enu, 1.0));
-#if !RASTER
-        vertices[first + uint(i)] = vec4(enu, 1.0);
-#endif
+    for (int n = int(gl_LocalInvocationIndex); n < vertex_count(block.place.w); n += LANES) {
+        int i = nth_vertex(n, block.place.w);
+        keep_vertex(i, vertex_at(block, 2 * block.place.xy + halves_of(i)), first);
     }
 }
+
+#endif
 
 void main()
 {
@@ -338,13 +501,8 @@ void main()
     if (lane == 0)
         kept = 0u;
     barrier();
-    int keep[ROUNDS];
-    uint count = 0u;
-    for (int i = 0; i < ROUNDS; i++) {
-        int at = LANES * i + lane;
-        keep[i] = at < FANS ? kept_of(fan_at(at, block.place.w)) : 0;
-        count += uint((keep[i] & 1) + (keep[i] >> 1));
-    }
+    uint count;
+    Kept keep = find_kept(block.place.w, count);
     uint place = count > 0u ? atomicAdd(kept, count) : 0u;
     barrier();
     if (lane == 0 && kept > 0u) {

@@ -79,13 +79,19 @@ Spot spot_at(vec3 dn)
     return spot;
 }
 
+// 2^-n, which is exact and but a shift; exp2() is a polynomial by software.
+float halved(int n)
+{
+    return intBitsToFloat((127 - n) << 23);
+}
+
 // Slopes and bend (as terrain/loader.h codes them), water. The storage is toroidal, so a half-post's texel
 // follows from its address alone and no window has to be looked up.
 vec4 surface_of_level(Spot spot, int level)
 {
     const uint SIDE = 2u * uint(STORAGE), WHOLE = (1u << 30) / SIDE * SIDE; // origins may be below 0
     vec2 texel = vec2((uvec2(spot.origin >> level) + WHOLE) % SIDE) +
-                 (vec2(spot.origin & ((1 << level) - 1)) + spot.halves) * exp2(float(-level)) + 0.5;
+                 (vec2(spot.origin & ((1 << level) - 1)) + spot.halves) * halved(level) + 0.5;
     return textureLod(surfaces, vec3(texel * (1.0 / float(SIDE)), PANES * level + spot.pane), 0.0);
 }
 
@@ -95,9 +101,9 @@ vec4 surface_at(Spot spot, vec3 dn)
 {
     float away = distance_of(dn) * scene.eye_rest.y;
     int first = scene.sizes.z, last = scene.sizes.w;
-    int level = clamp(int(ceil(log2(away))), first, last);
+    int level = clamp((floatBitsToInt(away) + 0x7fffff >> 23) - 127, first, last); // log2, rounded up
     vec4 own = surface_of_level(spot, level);
-    float blend = clamp((away * exp2(float(-level)) - 1.0) * scene.eye_rest.z + 1.0, 0.0, 1.0);
+    float blend = clamp((away * halved(level) - 1.0) * scene.eye_rest.z + 1.0, 0.0, 1.0);
     if (blend > 0.0 && level < last)
         own = mix(own, surface_of_level(spot, level + 1), blend);
     vec3 code = own.xyw * (255.0 / 127.0) - 128.0 / 127.0, ground_shape = SURFACE_MOST * code * abs(code);
@@ -109,7 +115,7 @@ vec4 surface_at(Spot spot, vec3 dn)
 vec4 ground_noise(Spot spot, int power, float layer, float lod)
 {
     ivec2 whole = spot.origin & ((1 << max(power, 0)) - 1);
-    return textureLod(ground, vec3((vec2(whole) + spot.halves) * exp2(float(-power)), layer), lod);
+    return textureLod(ground, vec3((vec2(whole) + spot.halves) * halved(power), layer), lod);
 }
 
 // What grows or lies there. `soft` is what thresholds have to be wider by where the noise that would cut
