@@ -41,7 +41,7 @@ run_failing() {
         FAIL_DONE="$scratch/failed" FAIL_LIST="$scratch/$1.sites" LD_PRELOAD="$preload" \
         "$OTWD" run -c otwd.yaml
     what="$1: call $3 at $2${4:+, and from then on}"
-    wait_for 20 draws_or_is_gone || fail "$what: neither draws nor ends"
+    wait_for 60 draws_or_is_gone || fail "$what: neither draws nor ends"
     kill -TERM "$started" 2>/dev/null
     wait_for 10 is_gone || {
         fail "$what: does not stop"
