@@ -46,8 +46,8 @@ fatal() {
     exit 1
 }
 
-# wait_for SECONDS COMMAND...: until it succeeds; fails where it does not within that time, or six times as much in
-# a build with sanitizers.
+# wait_for SECONDS COMMAND...: until it succeeds; fails where it does not within that time, six times as much
+# in a build with sanitizers.
 wait_for() {
     tries=$(($1 * 10))
     [ -z "${OTWD_TESTS_ARE_SLOW:-}" ] || tries=$((6 * tries))
