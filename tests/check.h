@@ -62,6 +62,14 @@ static inline int check_kills(int by_default)
     return text ? atoi(text) : by_default;
 }
 
+/* How often a test repeats what it does: `usually` times, or `short_run` times where OTWD_SHORT_RUN
+ * is set, as in the builds with sanitizers of `./run test`: what those find they find as well in a
+ * few rounds. */
+static inline int check_rounds(int usually, int short_run)
+{
+    return getenv("OTWD_SHORT_RUN") ? short_run : usually;
+}
+
 struct check_test {
     const char *title;
     void (*run)(void);

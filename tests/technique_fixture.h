@@ -117,7 +117,10 @@ struct verdict {
     double worst_db;
 };
 
-#define ASKED_A_POSE 8000
+static inline int asked_a_pose(void)
+{
+    return check_rounds(8000, 1000);
+}
 
 /* A technique at a setting of its knob, and what is found of it. */
 struct run {
@@ -168,12 +171,12 @@ static inline void judge_runs(struct stage *stage, struct technique *reference, 
     const struct technique_params params = params_of(stage);
     struct quality *quality = NULL;
     struct diag diag = {""};
-    struct quality_params quality_params = {WIDTH, HEIGHT,      ASKED_A_POSE, stage->reference,
+    struct quality_params quality_params = {WIDTH, HEIGHT,      asked_a_pose(), stage->reference,
                                             NULL,  stage->field};
     CHECK_INT(quality_create(&quality_params, &quality, &diag), 0);
     for (size_t i = 0; i < count; i++)
-        CHECK_INT(samples_init(&runs[i].error_px, POSES * ASKED_A_POSE), 0);
-    for (int pose = 0; pose < POSES; pose++) {
+        CHECK_INT(samples_init(&runs[i].error_px, POSES * asked_a_pose()), 0);
+    for (int pose = 0; pose < POSES; pose += check_rounds(1, 3)) {
         struct view view = pose_view(pose);
         draw(&stage->scene, &view, NULL, NULL, NULL);
         technique_show(reference, &params, stage->scene.renderer, &view, NULL, NULL);

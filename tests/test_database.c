@@ -430,13 +430,15 @@ static void test_info(void)
 
 static const struct check_test tests[] = {
     {"the longitude factor changes at 60 degrees and doubles on, less the bias", test_bands},
-    {"every tile's factor is its parent's or twice that, on any grid", test_nesting},
+    {"every tile's factor is its parent's or twice that, on any grid", test_nesting,
+     .one_thread = true},
     {"steps follow the bound and the unit", test_steps},
     {"a height is within half a step of its symbol, and symbols come back", test_quantising},
     {"keys tell tiles apart", test_keys},
     {"verify finds nothing wrong with good databases", test_verify_good},
-    {"verify names the tile that was changed, exchanged or removed", test_verify_names_tile},
-    {"verify compares borders, levels and errors", test_verify_content},
+    {"verify names the tile that was changed, exchanged or removed", test_verify_names_tile,
+     .one_thread = true},
+    {"verify compares borders, levels and errors", test_verify_content, .one_thread = true},
     {"what is no database, of another version or cut short is named", test_refusals},
     {"parts of an import are refused, and have one writer", test_incomplete},
     {"a part keeps what was committed", test_steps_of_a_part},

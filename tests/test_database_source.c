@@ -231,13 +231,15 @@ static void test_neighbours_are_found_to_the_bit(void)
 static const struct check_test tests[] = {
     {"a grid that falls on the posts of any level reads them exactly", test_exact_posts},
     {"between posts the surface is bilinear, for grids as for points", test_bilinear},
-    {"the surface is continuous across tiles, bands and the antimeridian", test_continuous},
-    {"a grid across the antimeridian has no seam on any level", test_antimeridian_grid},
+    {"the surface is continuous across tiles, bands and the antimeridian", test_continuous,
+     .one_thread = true},
+    {"a grid across the antimeridian has no seam on any level", test_antimeridian_grid,
+     .one_thread = true},
     {"places found in their neighbours' tile have the bits of single ones",
-     test_neighbours_are_found_to_the_bit},
+     test_neighbours_are_found_to_the_bit, .one_thread = true},
     {"voids and places outside have no height", test_void},
     {"a bad or missing tile is drawn from its parent and counted", test_bad_tile_falls_back},
-    {"sampling is fast on cached tiles", test_speed},
+    {"sampling is fast on cached tiles", test_speed, .one_thread = true},
 };
 
 int main(void)

@@ -10,8 +10,6 @@
 #include "tests/database_fixture.h"
 #include "tests/sample_grid.h"
 
-#define KILLS  44 /* OTWD_KILLS=1000 kills more */
-#define FLIPS  60
 #define NOBODY 65534
 
 static uint32_t seed = 5;
@@ -139,7 +137,7 @@ static void start_anew(const char *path)
 static void test_killed(void)
 {
     char path[256];
-    int kills = check_kills(KILLS), alive = 0;
+    int kills = check_kills(check_rounds(44, 12)), alive = 0;
     int64_t total = 0;
     snprintf(path, sizeof(path), "%s", path_of("killed.db"));
     for (int round = 0; round < kills; round++) {
@@ -215,7 +213,7 @@ static void test_rot(void)
     char path[256];
     struct stat undug, dug;
     uint64_t good = 0, bad = 0;
-    int found = 0;
+    int found = 0, flips = check_rounds(60, 15);
     snprintf(path, sizeof(path), "%s", path_of("rot.db"));
     build_exact(path);
     CHECK_INT(stat(path, &undug), 0);
@@ -224,7 +222,7 @@ static void test_rot(void)
     CHECK_INT(stat(path, &dug), 0);
     CHECK_INT(faults_of(path, print_fault), 0);
     CHECK(content_of(path, &good));
-    for (int n = 0; n < FLIPS; n++) {
+    for (int n = 0; n < flips; n++) {
         off_t at = undug.st_size + (off_t)(chance() * (double)(dug.st_size - undug.st_size));
         flip(path, at, n % 8);
         bool survived = content_of(path, &bad);
@@ -235,9 +233,9 @@ static void test_rot(void)
                        (long long)at);
         flip(path, at, n % 8);
     }
-    printf("     %d flips in %lld bytes: %d found\n", FLIPS,
+    printf("     %d flips in %lld bytes: %d found\n", flips,
            (long long)(dug.st_size - undug.st_size), found);
-    CHECK(found > FLIPS * 6 / 10);
+    CHECK(found > flips * 6 / 10);
     CHECK_INT(faults_of(path, print_fault), 0);
 }
 
@@ -402,8 +400,10 @@ static void test_composed(void)
 int main(void)
 {
     static const struct check_test tests[] = {
-        {"a program that is killed while it digs loses nothing that it told of", test_killed},
-        {"every flipped bit of what was dug is found, or nobody reads it", test_rot},
+        {"a program that is killed while it digs loses nothing that it told of", test_killed,
+         .one_thread = true},
+        {"every flipped bit of what was dug is found, or nobody reads it", test_rot,
+         .one_thread = true},
         {"a stamp that is damaged or gone is named", test_damaged_stamp},
         {"a damaged tile is made anew", test_damaged_tile},
         {"a full disk refuses a stamp, and nothing else is lost", test_full_disk},

@@ -8,8 +8,6 @@
 #include "base/clock.h"
 #include "tests/imagery_fixture.h"
 
-#define FLIPS 600
-
 static double whole_s; /* that an import of the image takes */
 
 static void waves(double lon, double lat, double ret_bands[4])
@@ -79,7 +77,7 @@ static bool kill_waves_after(double seconds)
 static void test_resume(void)
 {
     uint32_t seed = 5;
-    int kills = check_kills(25), killed = 0, halves = 0;
+    int kills = check_kills(check_rounds(25, 6)), killed = 0, halves = 0;
     for (int round = 0; round < 40 + kills && killed < kills; round++) {
         copy("heights.db", "resumed.db");
         for (int attempt = 0; attempt < 20; attempt++) {
@@ -147,7 +145,7 @@ static void test_flipped_bits(void)
 {
     struct stat status;
     uint32_t seed = 3;
-    int found = 0;
+    int found = 0, flips = check_rounds(600, 80);
     copy("heights.db", "rot.db");
     struct made small = image;
     small.width = 300;
@@ -156,15 +154,15 @@ static void test_flipped_bits(void)
     check_run(run("--imagery '%s' -o '%s' -q --quality 40", in("small.tif"), in("rot.db")), 0);
     CHECK_INT(stat(in("rot.db"), &status), 0);
     CHECK_INT(faults_of(in("rot.db")), 0);
-    for (int n = 0; n < FLIPS; n++) {
+    for (int n = 0; n < flips; n++) {
         seed = seed * 1664525u + 1013904223u;
         off_t at = (off_t)((uint64_t)seed * (uint64_t)status.st_size >> 32);
         flip(in("rot.db"), at, n % 8);
         found += faults_of(in("rot.db")) > 0;
         flip(in("rot.db"), at, n % 8);
     }
-    printf("     %d of %d flips found in %lld bytes\n", found, FLIPS, (long long)status.st_size);
-    CHECK(found > FLIPS * 8 / 10);
+    printf("     %d of %d flips found in %lld bytes\n", found, flips, (long long)status.st_size);
+    CHECK(found > flips * 8 / 10);
     CHECK_INT(faults_of(in("rot.db")), 0);
 }
 

@@ -198,16 +198,16 @@ static void test_ellipsoid_vectors(void)
     FILE *file = fopen(data("vectors/egm96_nga_outintpt.txt"), "r");
     char line[256];
     double lat, lon, undulation_m;
-    int points = 0;
+    int points = 0, asked = check_rounds(6, 1);
     setenv("XDG_CACHE_HOME", directory, 1);
-    while (file && fgets(line, sizeof(line), file))
+    while (file && points < asked && fgets(line, sizeof(line), file))
         if (line[0] != '#' && sscanf(line, "%lf %lf %lf", &lat, &lon, &undulation_m) == 3) {
             CHECK_NEAR(stored_m(lat, lon, "--vertical ellipsoid"), 500.0 - undulation_m, 0.05);
             points++;
         }
     if (file)
         fclose(file);
-    CHECK_INT(points, 6);
+    CHECK_INT(points, asked);
 }
 
 /* A node of a GeographicLib grid of 30', from the file's bytes. */
@@ -230,7 +230,7 @@ static void test_egm84(void)
 {
     const double places[][2] = {{45.0, 7.0}, {-33.5, -70.5}, {27.5, 86.5}, {0.5, 100.0}};
     char options[700];
-    for (int i = 0; i < 4; i++) {
+    for (int i = 0; i < check_rounds(4, 1); i++) {
         double lat = places[i][0], lon = places[i][1];
         double egm96_m = 500.0 - stored_m(lat, lon, "--vertical ellipsoid");
         double expected_m = 500.0 + node_m(data("geoid/egm84-30.pgm"), lat, lon) - egm96_m;

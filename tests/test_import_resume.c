@@ -79,8 +79,8 @@ static void test_resume(void)
     struct diag diag = {""};
     struct database *database = NULL;
     uint32_t seed = 7;
-    int kills = check_kills(50), killed = 0, refused = 0;
-    for (int round = 0; round < 8 || killed < kills; round++) {
+    int kills = check_kills(check_rounds(50, 8)), killed = 0, refused = 0;
+    for (int round = 0; round < check_rounds(8, 2) || killed < kills; round++) {
         remove_part(in("resumed.db"));
         for (int attempt = 0; attempt < 100; attempt++) {
             seed = seed * 1664525u + 1013904223u;
@@ -103,7 +103,7 @@ static void test_resume(void)
             break;
     }
     printf("     killed %d times, refused by readers %d times\n", killed, refused);
-    CHECK(killed >= kills && refused > 10);
+    CHECK(killed >= kills && refused > check_rounds(10, 2));
     CHECK_INT(verify(in("resumed.db")), 0);
     remove_part(in("resumed.db"));
     /* However fast the machine is: later and later, until there is something to go on with. */

@@ -279,13 +279,14 @@ static void a_line_of_no_length_and_one_from_below(void)
 
 static const struct check_test tests[] = {
     {"lines of sight end where brute force says, all over the globe",
-     lines_of_sight_end_where_brute_force_says},
+     lines_of_sight_end_where_brute_force_says, .one_thread = true},
     {"lines of sight over small cells, and over what has no height",
-     lines_of_sight_over_small_cells},
-    {"lines of sight over small tiles", lines_of_sight_over_small_tiles},
+     lines_of_sight_over_small_cells, .one_thread = true},
+    {"lines of sight over small tiles", lines_of_sight_over_small_tiles, .one_thread = true},
     {"lines of sight over the geoid", lines_of_sight_over_the_geoid},
     {"a block is as high as its highest post", a_block_is_as_high_as_its_highest_post},
-    {"lines of sight march over the planet", lines_of_sight_march_over_the_planet},
+    {"lines of sight march over the planet", lines_of_sight_march_over_the_planet,
+     .one_thread = true},
     {"lines of sight meet the fallback", lines_of_sight_meet_the_fallback},
     {"a line of no length, and one from below", a_line_of_no_length_and_one_from_below},
 };

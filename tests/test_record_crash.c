@@ -144,7 +144,7 @@ static int64_t kill_one(void)
 
 static void killed_recordings_keep_what_was_written(void)
 {
-    int kills = check_kills(KILLS_DEFAULT);
+    int kills = check_kills(check_rounds(KILLS_DEFAULT, 20));
     unsigned torn = 0, rotated = 0;
     int64_t records = 0;
     CHECK(mkdtemp(folder));

@@ -281,6 +281,7 @@ static void check_places(int radius, size_t stride, int stride_above)
     if (!open_mesh(radius, &mesh))
         return;
     int triangles[TOLERANCES] = {0}, open = 0, frames = 0;
+    stride *= (size_t)check_rounds(1, 4);
     for (size_t p = 0; p < sizeof(places) / sizeof(places[0]); p += stride) {
         for (int h = 0; h < 4; h += stride_above) {
             double turn = 77.0 * (double)p + 50.0 * h;

@@ -24,10 +24,11 @@ ask() {
     awk -v all="$((($1 + $2) * $3))" '{ exit !($1 == all && $3 == all) }' ask.log ||
         fail "not all are answered"
 }
+frames=$(rounds 600 100)
 ask 1 0 200 # shaders are compiled, terrain comes
-ask 1 0 600
+ask 1 0 "$frames"
 quiet=$missed
-ask 1000 0 600
+ask 1000 0 "$frames"
 if [ -z "${OTWD_TESTS_ARE_SLOW:-}" ]; then
     awk '{ exit !($5 >= 0.8 * $1) }' ask.log || fail "less than 80 % in the next message"
     # a machine that is busy misses some without any request

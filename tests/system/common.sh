@@ -46,15 +46,23 @@ fatal() {
     exit 1
 }
 
-# wait_for SECONDS COMMAND...: until it succeeds; fails where it does not within that time.
+# wait_for SECONDS COMMAND...: until it succeeds; fails where it does not within that time, six times as much
+# in a build with sanitizers.
 wait_for() {
     tries=$(($1 * 10))
+    [ -z "${OTWD_TESTS_ARE_SLOW:-}" ] || tries=$((6 * tries))
     shift
     while ! "$@" >/dev/null 2>&1; do
         tries=$((tries - 1))
         [ "$tries" -gt 0 ] || return 1
         sleep 0.1
     done
+}
+
+# rounds USUALLY SHORT: how often something is repeated: SHORT times in a short run, as in the builds with
+# sanitizers of `./run test`.
+rounds() {
+    [ -n "${OTWD_SHORT_RUN:-}" ] && echo "$2" || echo "$1"
 }
 
 free_port() {

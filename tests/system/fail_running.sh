@@ -47,7 +47,9 @@ run_failing() {
     start_failing "$class"
     : >failing
     [ -z "$2" ] || wait_for 20 logged "fault=$2" || fail "$class: no fault $2"
+    [ "$class" != memory ] || kill -HUP "$daemon" # while it only draws it may do without
     sleep 1
+    [ "$class" != memory ] || wait_for 20 test -e failed
     rm failing
     [ -z "$2" ] || [ -e failed ] || fail "$class: nothing has failed"
     goes_on "$class" 20

@@ -5,7 +5,7 @@
 # shellcheck disable=SC2317 # wait_for calls functions by their names
 . "$(dirname "$0")/common.sh"
 
-frames=${OTWD_STEP_FRAMES:-1000}
+frames=${OTWD_STEP_FRAMES:-$(rounds 1000 200)}
 timeout_ms=500
 base=host
 . "$(dirname "$0")/three_spaces.sh"
