@@ -283,12 +283,13 @@ static const struct check_test tests[] = {
     {"lines of sight over small cells, and over what has no height",
      lines_of_sight_over_small_cells, .one_thread = true},
     {"lines of sight over small tiles", lines_of_sight_over_small_tiles, .one_thread = true},
-    {"lines of sight over the geoid", lines_of_sight_over_the_geoid},
+    {"lines of sight over the geoid", lines_of_sight_over_the_geoid, .one_thread = true},
     {"a block is as high as its highest post", a_block_is_as_high_as_its_highest_post},
     {"lines of sight march over the planet", lines_of_sight_march_over_the_planet,
      .one_thread = true},
     {"lines of sight meet the fallback", lines_of_sight_meet_the_fallback},
-    {"a line of no length, and one from below", a_line_of_no_length_and_one_from_below},
+    {"a line of no length, and one from below", a_line_of_no_length_and_one_from_below,
+     .one_thread = true},
 };
 
 int main(void)
