@@ -105,23 +105,34 @@ static void dig_until_killed(const char *path, int out)
     }
 }
 
-/* What was told last before the end; the state must be that, or one change further. */
-static void check_survived(const char *path, int in, int64_t before)
+/* What a writer told of: how many stamps there are, and the newest id that it gave. */
+struct told {
+    int64_t stamps, newest;
+};
+
+/* Reads what one more change gave; false when its writer is dead. */
+static bool hear(int in, struct told *told)
 {
-    int64_t told[2] = {before, 0}, newest = 0, last[2];
-    while (read(in, last, sizeof(last)) == sizeof(last)) {
-        told[0] = last[0];
-        newest = last[1] ? last[1] : newest;
-    }
+    int64_t last[2];
+    if (read(in, last, sizeof(last)) != sizeof(last))
+        return false;
+    told->stamps = last[0];
+    told->newest = last[1] ? last[1] : told->newest;
+    return true;
+}
+
+/* The state must be what was told last before the end, or one change further. */
+static void check_survived(const char *path, const struct told *told)
+{
     struct dig_writer *writer = open_writer(path);
     int64_t count = dig_writer_index(writer)->stamp_count;
-    if (count != told[0] && count != told[0] + 1 && count != told[0] - 2)
-        CHECK_FAIL("%lld stamps were told of, and %lld are there", (long long)told[0],
+    if (count != told->stamps && count != told->stamps + 1 && count != told->stamps - 2)
+        CHECK_FAIL("%lld stamps were told of, and %lld are there", (long long)told->stamps,
                    (long long)count);
     struct stamp stamp = some_stamp();
     int64_t id = 0;
     CHECK_INT(dig_writer_add(writer, &stamp, 0, &id, NULL), 0);
-    CHECK(id > newest); /* none is given twice, so none was lost */
+    CHECK(id > told->newest); /* none is given twice, so none was lost */
     dig_writer_close(writer);
 }
 
@@ -145,7 +156,8 @@ static void test_killed(void)
         if (round % 22 == 0)
             start_anew(path);
         struct dig_writer *writer = open_writer(path);
-        int64_t before = dig_writer_index(writer)->stamp_count;
+        struct told told = {dig_writer_index(writer)->stamp_count, 0};
+        total += told.stamps;
         dig_writer_close(writer);
         CHECK_INT(pipe(pipes), 0);
         pid_t child = fork();
@@ -154,15 +166,19 @@ static void test_killed(void)
             dig_until_killed(path, pipes[1]);
         }
         close(pipes[1]);
-        usleep((useconds_t)(2000.0 + 45000.0 * chance()));
+        /* After some changes, however long they take there, and anywhere in the next ones. */
+        for (int i = (int)(8.0 * chance()); i > 0 && hear(pipes[0], &told); i--)
+            ;
+        usleep((useconds_t)(20000.0 * chance()));
         kill(child, SIGKILL);
         waitpid(child, &status, 0);
         alive += WIFSIGNALED(status);
-        check_survived(path, pipes[0], before);
+        while (hear(pipes[0], &told))
+            ;
         close(pipes[0]);
+        check_survived(path, &told);
         if (round % 11 == 10)
             CHECK_INT(faults_of(path, print_fault), 0);
-        total += before;
     }
     printf("     %d programs killed, %.0f stamps on the ground on average\n", alive,
            (double)total / kills);
