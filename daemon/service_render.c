@@ -111,30 +111,30 @@ static int start_thread(struct service *service, struct diag *diag)
 int service_start_render(struct service *service, struct diag *diag)
 {
     const struct config *config = &service->config;
-    struct channel_params *channel = &service->render_params.channel;
+    struct channel_params channel = {0};
+    struct pose start;
+    config_to_channel(config, &channel);
+    int r = choose_terrain(service, &channel, &start, diag);
+    if (r < 0)
+        return r;
+    service_open_dig(service, channel.terrain_path);
+    if (service->dig)
+        channel.dig = dig_thread_ground(service->dig);
     service->render_params = (struct render_params){
+        .channel = channel,
         .rate_hz = config->display.rate_hz,
         .pixel_error_most = config->terrain.pixel_error_most,
         .notify = &service->notify,
+        .snapshot_directory = service->recorder ? config->record.directory : NULL,
         .entity_types = {config->entities, config->entities_count},
         .swap = {.group = config->swap_lock.group,
                  .interface = config->swap_lock.interface,
                  .channel = config->swap_lock.channel,
                  .channels = config->swap_lock.channels,
                  .timeout_ns = config->swap_lock.timeout_ms * NSEC_PER_MSEC}};
-    config_to_channel(config, channel);
-    if (service->recorder)
-        service->render_params.snapshot_directory = config->record.directory;
-    struct pose start;
-    int r = choose_terrain(service, channel, &start, diag);
-    if (r < 0)
-        return r;
-    service_open_dig(service, channel->terrain_path);
-    if (service->dig)
-        channel->dig = dig_thread_ground(service->dig);
     service->input = (struct render_input){
         .pose = start,
-        .geometry = channel->geometry,
+        .geometry = channel.geometry,
         .motion = config_motion(config, ARBITER_NONE),
         .visibility_m = config->environment.visibility_m,
     };

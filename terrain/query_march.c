@@ -36,8 +36,8 @@ static void look_at(struct query *query, const struct piece *piece, const double
  * for the inverse. */
 static double guess_hit(const struct place *around, int count)
 {
-    double s[4];
-    for (int i = 0; i < count; i++)
+    double s[4] = {around[0].s};
+    for (int i = 1; i < count; i++)
         s[i] = around[i].s;
     for (int wide = 1; wide < count; wide++)
         for (int i = 0; i + wide < count; i++) {
