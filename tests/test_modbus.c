@@ -405,6 +405,8 @@ static void descriptors_beyond_1023_are_served(void)
 
 static void without_descriptors_it_rests_and_comes_back(void)
 {
+    if (getenv("OTWD_VALGRIND")) /* it keeps the limit itself: accepts, and then closes */
+        return;
     struct rlimit limit;
     struct modbus_server *server = open_plain();
     int fd = connect_client(server), next = dup(0); /* the kernel has accepted it, we have not */
