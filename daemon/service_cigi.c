@@ -21,13 +21,11 @@ struct cigi_source {
     struct source_slot *slot;
     struct cigi_session *session;
     union address reply;
-    unsigned number; /* of the session, which its questions carry */
-    struct sample_clock clock;
+    unsigned number;                        /* of the session, which its questions carry */
     enum cigi_mode mode;                    /* as logged */
     uint64_t rejected_seen[REJECT_REASONS]; /* as counted at the source */
     uint64_t lost_seen;
     nsec_t shown_ns; /* when the frame that began last will be seen */
-    nsec_t valid_ns; /* when that was which the last message with a place of own-ship told */
     bool placed;     /* a message has placed own-ship since the last frame began */
     struct cigi_lead lead;
     nsec_t send_told_ns, debug_told_ns;
@@ -172,29 +170,16 @@ void cigi_source_destroy(struct cigi_source *cigi)
     free(cigi);
 }
 
-/* When that was which the message tells, on our clock. */
-static nsec_t time_of_message(struct cigi_source *cigi, nsec_t receive_ns)
-{
-    const struct cigi_link *link = cigi_session_link(cigi->session);
-    nsec_t sent_ns = link->timestamp_valid ? link->host_ns + NSEC_PER_SEC : 0;
-    return sample_clock_time(&cigi->clock, sent_ns, receive_ns);
-}
-
-/* The time at which the host's place is valid: that of the message which told it, until a frame
- * begins. */
-static void offer_pose(struct cigi_source *cigi, nsec_t receive_ns, nsec_t valid_ns,
+/* Each message is a sign of life, whether it tells a place or not. */
+static void offer_pose(struct cigi_source *cigi, nsec_t receive_ns,
                        struct intake_counters *counters)
 {
     struct pose pose;
     if (!find_pose(cigi, &pose))
         return;
     if (cigi_scene_root(cigi_session_scene(cigi->session), cigi_lead_view(&cigi->lead)->entity)
-            ->placed_ns == receive_ns) {
-        cigi->valid_ns = valid_ns;
+            ->placed_ns == receive_ns)
         cigi->placed = true;
-    }
-    if (cigi->placed)
-        pose.time_ns = cigi->valid_ns;
     counters->accepted++;
     source_take_pose(cigi->slot, &pose);
 }
@@ -259,11 +244,10 @@ int cigi_source_message(struct cigi_source *cigi, const void *data, size_t size,
     ask(cigi);
     if (service->driving == (int)cigi->slot->index)
         lead(cigi);
-    nsec_t valid_ns = time_of_message(cigi, receive_ns);
-    offer_pose(cigi, receive_ns, valid_ns, counters);
+    offer_pose(cigi, receive_ns, counters);
     if (service->driving == (int)cigi->slot->index) {
         lead(cigi);
-        cigi_lead_traffic(&cigi->lead, receive_ns, valid_ns, next_frame_ns(cigi));
+        cigi_lead_traffic(&cigi->lead, receive_ns, next_frame_ns(cigi));
         service_publish(service);
         if (starts_frame(cigi))
             render_thread_go(service->render);
@@ -342,7 +326,7 @@ void cigi_source_begin(struct cigi_source *cigi, nsec_t shown_ns)
         cigi_lead_drop(&cigi->lead);
     move_pose(cigi);
     if (drives)
-        cigi_lead_traffic(&cigi->lead, 0, 0, next_frame_ns(cigi));
+        cigi_lead_traffic(&cigi->lead, 0, next_frame_ns(cigi));
     if (cigi->mode == CIGI_DEBUG && now_ns - cigi->debug_told_ns > DEBUG_TELL_NS) {
         cigi->debug_told_ns = now_ns;
         tell_counters(cigi, "");

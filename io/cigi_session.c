@@ -32,8 +32,10 @@ struct cigi_session {
     uint16_t condition;
     bool in_step;       /* the host has answered the frame that we had sent last */
     unsigned behind;    /* messages since it did */
-    uint32_t timestamp; /* the host's last */
-    nsec_t start_ns;    /* our time stamps count from here */
+    bool timed;         /* the host has told a time stamp */
+    uint32_t timestamp; /* its last */
+    struct sample_clock clock;
+    nsec_t start_ns; /* our time stamps count from here */
     bool started;
     struct cigi_message sayings[SAYINGS_MAX];
     size_t saying_count;
@@ -169,13 +171,25 @@ static void take_answer(struct cigi_session *session, uint32_t answered)
     link->counters.behind += !link->answers;
 }
 
-static void take_timestamp(struct cigi_session *session, const struct cigi_ig_control *control)
+/* A host that began anew counts from below its first: then that is the first. */
+static void take_timestamp(struct cigi_session *session, const struct cigi_ig_control *control,
+                           nsec_t receive_ns)
 {
     struct cigi_link *link = &session->link;
-    if (control->timestamp_valid && link->timestamp_valid)
-        link->host_ns += (nsec_t)(int32_t)(control->timestamp - session->timestamp) * NS_PER_TICK;
-    session->timestamp = control->timestamp;
     link->timestamp_valid = control->timestamp_valid;
+    link->valid_ns = receive_ns;
+    if (control->timestamp_valid) {
+        if (session->timed)
+            link->host_ns +=
+                (nsec_t)(int32_t)(control->timestamp - session->timestamp) * NS_PER_TICK;
+        if (link->host_ns < 0)
+            link->host_ns = 0;
+        session->timed = true;
+        session->timestamp = control->timestamp;
+        link->valid_ns =
+            sample_clock_time(&session->clock, link->host_ns + NSEC_PER_SEC, receive_ns);
+    }
+    session->scene.told_ns = link->valid_ns;
 }
 
 /* Back to Standby: everything that the host has set up is gone. */
@@ -241,7 +255,7 @@ static int take_control(struct cigi_session *session, const struct cigi_reader *
                         struct rejection *ret_rejection)
 {
     struct cigi_link *link = &session->link;
-    take_timestamp(session, control);
+    take_timestamp(session, control, receive_ns);
     link->heard = true;
     link->format = reader->format;
     link->host_frame = control->host_frame;

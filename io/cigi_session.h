@@ -21,6 +21,7 @@
 #include "io/cigi_codec.h"
 #include "io/cigi_requests.h"
 #include "io/cigi_scene.h"
+#include "io/sample_clock.h"
 
 struct cigi_session_params {
     uint8_t major, minor; /* spoken until a host has spoken; 0 = 3.3 */
@@ -59,8 +60,9 @@ struct cigi_link {
      * that does not go by these. */
     bool answers;
     bool timestamp_valid; /* host_ns is the host's clock */
-    nsec_t host_ns;       /* its time stamps, carried on over their wrap; from its first */
-    nsec_t receive_ns;    /* of the last message */
+    nsec_t host_ns; /* its time stamps, carried on over their wrap; from its first, never below */
+    nsec_t receive_ns; /* of the last message */
+    nsec_t valid_ns;   /* when that was which it tells: by its time stamp, on our clock */
     struct cigi_counters counters;
 };
 
