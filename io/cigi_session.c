@@ -8,8 +8,9 @@
 
 #define NS_PER_TICK    10000 /* of time stamps */
 #define SAYINGS_MAX    8
-#define SAY_AGAIN_NS   NSEC_PER_SEC /* the same reason */
-#define LATE_FRAMES    64           /* older than this: the host began anew */
+#define SAY_AGAIN_NS   NSEC_PER_SEC          /* the same reason */
+#define LATE_FRAMES    64                    /* older than this: the host began anew */
+#define LATE_NS        (200 * NSEC_PER_MSEC) /* so, too, where nothing was heard for so long */
 #define JUMP_FRAMES    4096
 #define BEHIND_FRAMES  60 /* for so long a host that is behind is expected to catch up */
 #define NOT_AVAILABLE  (-128)
@@ -141,12 +142,13 @@ static bool has_host_frames(const struct cigi_format *format)
 /* By the host's frame numbers, which 3.0 and 3.1 do not have. Restarts and equal numbers, of hosts
  * that do not count, are taken. */
 static int take_frame_number(struct cigi_link *link, const struct cigi_format *format,
-                             uint32_t host_frame, struct rejection *ret_rejection)
+                             uint32_t host_frame, nsec_t receive_ns,
+                             struct rejection *ret_rejection)
 {
     int32_t step = (int32_t)(host_frame - link->host_frame);
-    if (!link->heard || !has_host_frames(format))
+    if (!link->heard || !has_host_frames(format) || !has_host_frames(&link->format))
         return 0;
-    if (step < 0 && step >= -LATE_FRAMES)
+    if (step < 0 && step >= -LATE_FRAMES && receive_ns - link->receive_ns <= LATE_NS)
         return reject(ret_rejection, REJECT_LATE, 0, "host frame %u after %u", host_frame,
                       link->host_frame);
     if (step < 0 || step > JUMP_FRAMES)
@@ -310,8 +312,8 @@ static int take_rest(struct cigi_session *session, struct cigi_reader *reader, n
 
 /* What begins the message: it must be good, or nothing of the message is used. */
 static int read_control(struct cigi_session *session, const void *data, size_t size,
-                        struct cigi_reader *ret_reader, struct cigi_packet *ret_packet,
-                        struct rejection *ret_rejection)
+                        nsec_t receive_ns, struct cigi_reader *ret_reader,
+                        struct cigi_packet *ret_packet, struct rejection *ret_rejection)
 {
     if (cigi_read_begin(data, size, ret_reader, ret_rejection) < 0 ||
         cigi_read(ret_reader, ret_packet, ret_rejection) != CIGI_PACKET)
@@ -320,7 +322,7 @@ static int read_control(struct cigi_session *session, const void *data, size_t s
         return reject(ret_rejection, REJECT_MAGIC, 0, "it begins with %s, not with IG Control",
                       cigi_layouts[ret_packet->kind].name);
     return take_frame_number(&session->link, &ret_reader->format, ret_packet->ig_control.host_frame,
-                             ret_rejection);
+                             receive_ns, ret_rejection);
 }
 
 int cigi_session_receive(struct cigi_session *session, const void *data, size_t size,
@@ -330,7 +332,7 @@ int cigi_session_receive(struct cigi_session *session, const void *data, size_t 
     struct cigi_reader reader;
     struct cigi_packet packet;
     struct rejection why;
-    int r = read_control(session, data, size, &reader, &packet, &why);
+    int r = read_control(session, data, size, receive_ns, &reader, &packet, &why);
     if (r < 0) {
         counters->messages_refused++;
         refuse(session, &why, receive_ns, &(int){0}, ret_rejection);

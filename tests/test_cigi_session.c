@@ -325,6 +325,19 @@ static void test_disorder(void)
     CHECK_INT(send_frame(0, 6.0), 0); /* it began anew */
     CHECK_NEAR(own_ship()->place[0], 6.0, 0.0);
     CHECK_INT(pair_link()->counters.restarts, 2);
+    CHECK_INT(send_frame(20, 7.0), 0);
+    talk.now_ns += NSEC_PER_SEC / 2;
+    CHECK_INT(send_frame(1, 8.0), 0); /* it ran for 20 frames only, and began anew */
+    CHECK_NEAR(own_ship()->place[0], 8.0, 0.0);
+    CHECK_INT(pair_link()->counters.restarts, 3);
+    CHECK_INT(send_frame(0, 9.0), -EBADMSG);
+    /* Another host, whose frame numbers are its own; before it one that counted ours. */
+    talk.host.format.minor = 1;
+    CHECK_INT(send_frame(0, 10.0), 0);
+    talk.host.format.minor = 3;
+    uint32_t counted = pair_link()->host_frame;
+    CHECK_INT(send_frame(counted - 1, 11.0), 0);
+    CHECK_NEAR(own_ship()->place[0], 11.0, 0.0);
     pair_end();
 }
 
