@@ -61,6 +61,7 @@ static struct cigi_session_params session_params(const struct source_slot *slot)
         .eye_m = {g->offset_m[0], g->offset_m[1], g->offset_m[2]},
         .direction = {g->roll_deg, g->pitch_deg, g->yaw_deg},
         .synchronous = slot->config->sync_wait_ms > 0,
+        .of_several = slot->service->config.swap_lock.group[0] != '\0',
         .requests = REQUESTS_MAX,
     };
     return params;

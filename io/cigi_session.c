@@ -270,6 +270,13 @@ static int take_control(struct cigi_session *session, const struct cigi_reader *
     return take_database(session, control->database, ret_rejection);
 }
 
+static bool is_of_another(const struct cigi_session *session, const struct cigi_packet *packet,
+                          const struct rejection *why)
+{
+    return session->params.of_several && packet->kind == CIGI_VIEW_CONTROL &&
+           why->reason == REJECT_REFERENCE;
+}
+
 static int take_packet(struct cigi_session *session, const struct cigi_packet *packet,
                        nsec_t receive_ns, struct rejection *ret_rejection)
 {
@@ -280,6 +287,10 @@ static int take_packet(struct cigi_session *session, const struct cigi_packet *p
     }
     int r = cigi_scene_take(&session->scene, packet, session->link.format.major == 3, receive_ns,
                             ret_rejection);
+    if (r < 0 && is_of_another(session, packet, ret_rejection)) {
+        counters->skipped++;
+        return 0;
+    }
     if (r > 0) {
         r = cigi_requests_take(&session->requests, packet, ret_rejection);
         counters->requests += r == 0;

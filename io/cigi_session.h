@@ -31,6 +31,8 @@ struct cigi_session_params {
     double eye_m[3]; /* likewise, in the axes of own-ship, and in which direction it looks */
     struct attitude direction;
     bool synchronous; /* a place holds for the frame that its message starts, whatever its rates */
+    bool of_several;  /* others hear the same host: what it says of a view that is not there is
+                         theirs, and skipped */
     /* Limits; 0 = 1024 entities, parts and components, 256 views and regions, 1000 requests. */
     struct cigi_scene_limits limits;
     size_t requests;
