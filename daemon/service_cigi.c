@@ -231,8 +231,8 @@ int cigi_source_message(struct cigi_source *cigi, const void *data, size_t size,
                         struct intake_counters *counters, struct rejection *ret_rejection)
 {
     struct service *service = cigi->slot->service;
-    if (!service->rendering || cigi->shown_ns == 0)
-        return 0; /* no frame has begun yet */
+    if (cigi->shown_ns == 0)
+        return 0; /* no frame has begun yet; while the renderer is made anew hosts are heard */
     int r = cigi_session_receive(cigi->session, data, size, receive_ns, ret_rejection);
     count(cigi, counters);
     if (r < 0)
