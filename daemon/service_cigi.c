@@ -27,6 +27,7 @@ struct cigi_source {
     uint64_t lost_seen;
     nsec_t shown_ns; /* when the frame that began last will be seen */
     bool placed;     /* a message has placed own-ship since the last frame began */
+    uint16_t eye;    /* the entity that carried it last */
     struct cigi_lead lead;
     nsec_t send_told_ns, debug_told_ns;
     uint64_t unsent;
@@ -178,9 +179,12 @@ static void offer_pose(struct cigi_source *cigi, nsec_t receive_ns,
     struct pose pose;
     if (!find_pose(cigi, &pose))
         return;
-    if (cigi_scene_root(cigi_session_scene(cigi->session), cigi_lead_view(&cigi->lead)->entity)
-            ->placed_ns == receive_ns)
+    uint16_t eye = cigi_lead_view(&cigi->lead)->entity;
+    if (cigi_scene_root(cigi_session_scene(cigi->session), eye)->placed_ns == receive_ns)
         cigi->placed = true;
+    if (eye != cigi->eye && cigi->slot->service->driving == (int)cigi->slot->index)
+        cigi->slot->service->input.cuts++;
+    cigi->eye = eye;
     counters->accepted++;
     source_take_pose(cigi->slot, &pose);
 }

@@ -6,7 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define NS_PER_TICK    10000 /* of time stamps */
+#define NS_PER_TICK    10000               /* of time stamps */
+#define AGAIN_NS       (5 * NSEC_PER_MSEC) /* within which the same time stamp is of one instant */
 #define SAYINGS_MAX    8
 #define SAY_AGAIN_NS   NSEC_PER_SEC          /* the same reason */
 #define LATE_FRAMES    64                    /* older than this: the host began anew */
@@ -34,7 +35,8 @@ struct cigi_session {
     bool in_step;       /* the host has answered the frame that we had sent last */
     unsigned behind;    /* messages since it did */
     bool timed;         /* the host has told a time stamp */
-    uint32_t timestamp; /* its last */
+    uint32_t timestamp; /* its last, */
+    nsec_t timed_ns;    /* and when that came first */
     struct sample_clock clock;
     nsec_t start_ns; /* our time stamps count from here */
     bool started;
@@ -173,20 +175,25 @@ static void take_answer(struct cigi_session *session, uint32_t answered)
     link->counters.behind += !link->answers;
 }
 
-/* A host that began anew counts from below its first: then that is the first. */
+/* A host that began anew counts from below its first: then that is the first. One whose time stamp
+ * stands still has no clock, unless it has said two things of one instant. */
 static void take_timestamp(struct cigi_session *session, const struct cigi_ig_control *control,
                            nsec_t receive_ns)
 {
     struct cigi_link *link = &session->link;
+    bool stands = session->timed && control->timestamp == session->timestamp;
+    bool again = stands && receive_ns - session->timed_ns < AGAIN_NS;
     link->timestamp_valid = control->timestamp_valid;
-    link->valid_ns = receive_ns;
-    if (control->timestamp_valid) {
+    if (!again)
+        link->valid_ns = receive_ns;
+    if (control->timestamp_valid && !stands) {
         if (session->timed)
             link->host_ns +=
                 (nsec_t)(int32_t)(control->timestamp - session->timestamp) * NS_PER_TICK;
         if (link->host_ns < 0)
             link->host_ns = 0;
         session->timed = true;
+        session->timed_ns = receive_ns;
         session->timestamp = control->timestamp;
         link->valid_ns =
             sample_clock_time(&session->clock, link->host_ns + NSEC_PER_SEC, receive_ns);

@@ -166,6 +166,30 @@ static void test_some_stamps_do_not_count(void)
     pair_end();
 }
 
+/* A network may double a datagram, and a host may tell an instant in two. */
+static void test_same_instant_again(void)
+{
+    begin();
+    for (uint32_t i = 0; i < MESSAGES; i++, talk.now_ns += PERIOD_NS) {
+        nsec_t at_ns = valid_ns(1000 + i, i * 5000 / 3, true, 0);
+        CHECK_INT(valid_ns(1000 + i, i * 5000 / 3, true, 4 * NSEC_PER_MSEC), at_ns);
+    }
+    pair_end();
+}
+
+/* Some hosts fill in 0, and that it is valid. */
+static void test_stamp_stands(void)
+{
+    begin();
+    for (uint32_t i = 0; i < MESSAGES; i++, talk.now_ns += PERIOD_NS) {
+        nsec_t late_ns = up_to(10 * NSEC_PER_MSEC);
+        nsec_t at_ns = valid_ns(1000 + i, 0, true, late_ns);
+        if (i > 0)
+            CHECK_INT(at_ns - talk.now_ns, late_ns);
+    }
+    pair_end();
+}
+
 int main(void)
 {
     static const struct check_test tests[] = {
@@ -173,6 +197,8 @@ int main(void)
          test_places_and_times_agree},
         {"a place that is told no more stands", test_what_stands},
         {"a host that begins anew is timed by its stamps", test_host_restarts},
+        {"two messages of one instant are of one time", test_same_instant_again},
+        {"a time stamp that stands still is none", test_stamp_stands},
         {"time stamps that do not count", test_some_stamps_do_not_count},
     };
     return CHECK_MAIN(tests);
