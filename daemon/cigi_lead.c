@@ -107,13 +107,12 @@ void cigi_lead_take_all(struct cigi_lead *lead)
     cigi_lead_take(lead);
 }
 
-void cigi_lead_traffic(struct cigi_lead *lead, nsec_t receive_ns, nsec_t valid_ns, nsec_t frame_ns)
+void cigi_lead_traffic(struct cigi_lead *lead, nsec_t receive_ns, nsec_t frame_ns)
 {
     struct service *service = lead->slot->service;
     size_t before = lead->traffic.count;
     traffic_motion_take(&lead->motion, &service->input.motion, cigi_session_scene(lead->session),
-                        cigi_lead_view(lead)->entity, service_ground(service), receive_ns,
-                        valid_ns);
+                        cigi_lead_view(lead)->entity, service_ground(service), receive_ns);
     traffic_motion_show(&lead->motion, frame_ns, service->input.live, &lead->traffic);
     if (service->render && lead->traffic.count + before > 0)
         render_thread_publish_traffic(service->render, &lead->traffic);

@@ -32,9 +32,9 @@ void cigi_lead_take(struct cigi_lead *lead);
 /* The same for all of it: the input has been set to what the configuration says. */
 void cigi_lead_take_all(struct cigi_lead *lead);
 
-/* The other entities as a frame will show them. `receive_ns` and `valid_ns` are those of the
- * message that has come; 0: a frame begins. */
-void cigi_lead_traffic(struct cigi_lead *lead, nsec_t receive_ns, nsec_t valid_ns, nsec_t frame_ns);
+/* The other entities as a frame will show them. `receive_ns` is that of the message that has come;
+ * 0: a frame begins. */
+void cigi_lead_traffic(struct cigi_lead *lead, nsec_t receive_ns, nsec_t frame_ns);
 
 /* Nobody leads any more: the input becomes what the configuration says. Legal where it does not
  * lead. */

@@ -43,6 +43,7 @@ struct render_thread {
 
 struct arrived {
     int source;
+    unsigned cuts;
     struct pose pose;
 };
 
@@ -57,6 +58,7 @@ struct frame_loop {
     struct pose shown;
     nsec_t shown_utc_ns;
     struct motion motion;
+    unsigned cuts;     /* of the eye, that the motion knows of */
     nsec_t reached_ns; /* receive stamp of the newest pose that a frame has reached */
     uint64_t snapshot;
     struct frame_sample sample;
@@ -74,18 +76,30 @@ static void announce(struct render_thread *thread, enum render_state state)
         return; /* the loop looks at the state each tick all the same */
 }
 
+/* The ring and the input are not of one instant: of what was before a cut nothing counts after it.
+ */
+static void put_pose(struct frame_loop *loop, int source, unsigned cuts, const struct pose *pose)
+{
+    if ((int)(cuts - loop->cuts) < 0)
+        return;
+    if (cuts != loop->cuts)
+        motion_cut(&loop->motion);
+    loop->cuts = cuts;
+    motion_put(&loop->motion, source, pose);
+}
+
 /* The newest pose comes with the input, too: the ring may have been full. */
 static void take_input(struct frame_loop *loop)
 {
     struct arrived arrived;
     while (ring_take(&loop->thread->poses, &arrived))
-        motion_put(&loop->motion, arrived.source, &arrived.pose);
+        put_pose(loop, arrived.source, arrived.cuts, &arrived.pose);
     if (!latest_take(&loop->thread->input, &loop->input))
         return;
     motion_set_params(&loop->motion, &loop->input.motion);
     motion_set_live(&loop->motion, loop->input.live);
     if (loop->input.pose.receive_ns)
-        motion_put(&loop->motion, loop->input.source, &loop->input.pose);
+        put_pose(loop, loop->input.source, loop->input.cuts, &loop->input.pose);
     channel_set_visibility(loop->channel, loop->input.visibility_m);
     channel_set_geometry(loop->channel, &loop->input.geometry);
 }
@@ -309,7 +323,8 @@ static void *render_main(void *data)
                               .period_ns = ns_from_seconds(1.0 / thread->params.rate_hz),
                               .gpu_memory_every =
                                   2 + (uint64_t)(GPU_MEMORY_EVERY_S * thread->params.rate_hz),
-                              .input = thread->params.first};
+                              .input = thread->params.first,
+                              .cuts = thread->params.first.cuts};
     thread->params.channel.holds = group && group[0];
     if (channel_create(&thread->params.channel, &loop.channel, &thread->diag) < 0) {
         announce(thread, RENDER_FAILED);
@@ -455,9 +470,10 @@ const char *render_thread_note(const struct render_thread *thread)
     return thread->note;
 }
 
-void render_thread_pose(struct render_thread *thread, int source, const struct pose *pose)
+void render_thread_pose(struct render_thread *thread, int source, unsigned cuts,
+                        const struct pose *pose)
 {
-    struct arrived arrived = {.source = source, .pose = *pose};
+    struct arrived arrived = {.source = source, .cuts = cuts, .pose = *pose};
     ring_put(&thread->poses, &arrived);
 }
 

@@ -21,6 +21,7 @@ struct render_input {
     struct pose pose; /* the newest that drives; the start position before any has come */
     bool live;        /* a source is */
     int source;       /* whose it is */
+    unsigned cuts;    /* how often the eye was put on something else, which is no motion */
     struct motion_params motion;
     bool frozen; /* the picture stays as it is */
     double visibility_m;
@@ -105,8 +106,9 @@ const struct gl_facts *render_thread_gl(const struct render_thread *thread);
 const char *render_thread_note(const struct render_thread *thread);
 
 /* A pose of the source that drives, before it is published with the rest. Where the ring is full it
- * is the newest in `input` that counts. Event loop. */
-void render_thread_pose(struct render_thread *thread, int source, const struct pose *pose);
+ * is the newest in `input` that counts. `source` and `cuts` as there. Event loop. */
+void render_thread_pose(struct render_thread *thread, int source, unsigned cuts,
+                        const struct pose *pose);
 
 /* Event loop. No lock on either side. */
 void render_thread_publish(struct render_thread *thread, const struct render_input *input);

@@ -21,14 +21,13 @@ struct cigi_source {
     struct source_slot *slot;
     struct cigi_session *session;
     union address reply;
-    unsigned number; /* of the session, which its questions carry */
-    struct sample_clock clock;
+    unsigned number;                        /* of the session, which its questions carry */
     enum cigi_mode mode;                    /* as logged */
     uint64_t rejected_seen[REJECT_REASONS]; /* as counted at the source */
     uint64_t lost_seen;
     nsec_t shown_ns; /* when the frame that began last will be seen */
-    nsec_t valid_ns; /* when that was which the last message with a place of own-ship told */
     bool placed;     /* a message has placed own-ship since the last frame began */
+    uint16_t eye;    /* the entity that carried it last */
     struct cigi_lead lead;
     nsec_t send_told_ns, debug_told_ns;
     uint64_t unsent;
@@ -63,6 +62,7 @@ static struct cigi_session_params session_params(const struct source_slot *slot)
         .eye_m = {g->offset_m[0], g->offset_m[1], g->offset_m[2]},
         .direction = {g->roll_deg, g->pitch_deg, g->yaw_deg},
         .synchronous = slot->config->sync_wait_ms > 0,
+        .of_several = slot->service->config.swap_lock.group[0] != '\0',
         .requests = REQUESTS_MAX,
     };
     return params;
@@ -172,29 +172,19 @@ void cigi_source_destroy(struct cigi_source *cigi)
     free(cigi);
 }
 
-/* When that was which the message tells, on our clock. */
-static nsec_t time_of_message(struct cigi_source *cigi, nsec_t receive_ns)
-{
-    const struct cigi_link *link = cigi_session_link(cigi->session);
-    nsec_t sent_ns = link->timestamp_valid ? link->host_ns + NSEC_PER_SEC : 0;
-    return sample_clock_time(&cigi->clock, sent_ns, receive_ns);
-}
-
-/* The time at which the host's place is valid: that of the message which told it, until a frame
- * begins. */
-static void offer_pose(struct cigi_source *cigi, nsec_t receive_ns, nsec_t valid_ns,
+/* Each message is a sign of life, whether it tells a place or not. */
+static void offer_pose(struct cigi_source *cigi, nsec_t receive_ns,
                        struct intake_counters *counters)
 {
     struct pose pose;
     if (!find_pose(cigi, &pose))
         return;
-    if (cigi_scene_root(cigi_session_scene(cigi->session), cigi_lead_view(&cigi->lead)->entity)
-            ->placed_ns == receive_ns) {
-        cigi->valid_ns = valid_ns;
+    uint16_t eye = cigi_lead_view(&cigi->lead)->entity;
+    if (cigi_scene_root(cigi_session_scene(cigi->session), eye)->placed_ns == receive_ns)
         cigi->placed = true;
-    }
-    if (cigi->placed)
-        pose.time_ns = cigi->valid_ns;
+    if (eye != cigi->eye && cigi->slot->service->driving == (int)cigi->slot->index)
+        cigi->slot->service->input.cuts++;
+    cigi->eye = eye;
     counters->accepted++;
     source_take_pose(cigi->slot, &pose);
 }
@@ -245,8 +235,8 @@ int cigi_source_message(struct cigi_source *cigi, const void *data, size_t size,
                         struct intake_counters *counters, struct rejection *ret_rejection)
 {
     struct service *service = cigi->slot->service;
-    if (!service->rendering || cigi->shown_ns == 0)
-        return 0; /* no frame has begun yet */
+    if (cigi->shown_ns == 0)
+        return 0; /* no frame has begun yet; while the renderer is made anew hosts are heard */
     int r = cigi_session_receive(cigi->session, data, size, receive_ns, ret_rejection);
     count(cigi, counters);
     if (r < 0)
@@ -259,11 +249,10 @@ int cigi_source_message(struct cigi_source *cigi, const void *data, size_t size,
     ask(cigi);
     if (service->driving == (int)cigi->slot->index)
         lead(cigi);
-    nsec_t valid_ns = time_of_message(cigi, receive_ns);
-    offer_pose(cigi, receive_ns, valid_ns, counters);
+    offer_pose(cigi, receive_ns, counters);
     if (service->driving == (int)cigi->slot->index) {
         lead(cigi);
-        cigi_lead_traffic(&cigi->lead, receive_ns, valid_ns, next_frame_ns(cigi));
+        cigi_lead_traffic(&cigi->lead, receive_ns, next_frame_ns(cigi));
         service_publish(service);
         if (starts_frame(cigi))
             render_thread_go(service->render);
@@ -342,7 +331,7 @@ void cigi_source_begin(struct cigi_source *cigi, nsec_t shown_ns)
         cigi_lead_drop(&cigi->lead);
     move_pose(cigi);
     if (drives)
-        cigi_lead_traffic(&cigi->lead, 0, 0, next_frame_ns(cigi));
+        cigi_lead_traffic(&cigi->lead, 0, next_frame_ns(cigi));
     if (cigi->mode == CIGI_DEBUG && now_ns - cigi->debug_told_ns > DEBUG_TELL_NS) {
         cigi->debug_told_ns = now_ns;
         tell_counters(cigi, "");

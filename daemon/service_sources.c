@@ -63,7 +63,7 @@ void sources_drive(struct service *service, int index, const struct pose *pose)
     service->has_pose = true;
     service->driving = index;
     if (service->render)
-        render_thread_pose(service->render, index, &service->input.pose);
+        render_thread_pose(service->render, index, service->input.cuts, &service->input.pose);
     service_publish(service);
     if (service->recorder)
         otwlog_add_pose(recorder_writer(service->recorder), (unsigned)index, pose);

@@ -9,6 +9,7 @@ struct follower {
     struct motion motion;
     struct cigi_seen seen; /* as it came last */
     bool placed;           /* by a message since the last frame began */
+    bool stands;           /* messages no longer place it, and it has been put as of one of them */
     unsigned round;        /* in which it was seen last */
 };
 
@@ -39,8 +40,7 @@ static void set_params(struct traffic_motion *traffic, const struct motion_param
     }
 }
 
-static void follow(struct traffic_motion *traffic, const struct cigi_seen *seen, nsec_t receive_ns,
-                   nsec_t valid_ns)
+static void follow(struct traffic_motion *traffic, const struct cigi_seen *seen, nsec_t receive_ns)
 {
     struct follower *follower = cigi_table_find(&traffic->followers, seen->entity);
     bool is_new = !follower;
@@ -52,11 +52,11 @@ static void follow(struct traffic_motion *traffic, const struct cigi_seen *seen,
         motion_init(&follower->motion, &traffic->params);
     bool placed = receive_ns && seen->placed_ns == receive_ns;
     bool moved = !receive_ns && seen->moves && !follower->placed;
-    struct pose pose = seen->pose;
-    if (placed)
-        pose.time_ns = valid_ns;
-    if (is_new || placed || moved || traffic->params.latest)
-        motion_put(&follower->motion, 0, &pose);
+    bool stands = !seen->moves && seen->pose.time_ns > follower->seen.pose.time_ns;
+    bool stopped = !placed && stands && !follower->stands;
+    if (is_new || placed || moved || stopped || traffic->params.latest)
+        motion_put(&follower->motion, 0, &seen->pose);
+    follower->stands = !placed && (follower->stands || stopped);
     follower->placed = receive_ns && (follower->placed || placed);
     follower->seen = *seen;
     follower->round = traffic->round;
@@ -74,13 +74,13 @@ static void drop_gone(struct traffic_motion *traffic)
 
 void traffic_motion_take(struct traffic_motion *traffic, const struct motion_params *params,
                          const struct cigi_scene *scene, uint16_t except,
-                         const struct cigi_ground *ground, nsec_t receive_ns, nsec_t valid_ns)
+                         const struct cigi_ground *ground, nsec_t receive_ns)
 {
     size_t count = cigi_scene_seen(scene, except, ground, traffic->seen, TRAFFIC_MAX);
     set_params(traffic, params);
     traffic->round++;
     for (size_t i = 0; i < count; i++)
-        follow(traffic, &traffic->seen[i], receive_ns, valid_ns);
+        follow(traffic, &traffic->seen[i], receive_ns);
     drop_gone(traffic);
 }
 

@@ -25,11 +25,10 @@ void traffic_motion_finish(struct traffic_motion *traffic);
 void traffic_motion_clear(struct traffic_motion *traffic);
 
 /* What the scene shows but for one entity, which carries the eye. `receive_ns` is that of the
- * message which has come, valid at `valid_ns`, both on our clock; 0: a frame begins. `params` are
- * own-ship's. */
+ * message which has come; 0: a frame begins. `params` are own-ship's. */
 void traffic_motion_take(struct traffic_motion *traffic, const struct motion_params *params,
                          const struct cigi_scene *scene, uint16_t except,
-                         const struct cigi_ground *ground, nsec_t receive_ns, nsec_t valid_ns);
+                         const struct cigi_ground *ground, nsec_t receive_ns);
 
 /* What is seen in a frame, and with which velocities. `live`: the host speaks. */
 void traffic_motion_show(struct traffic_motion *traffic, nsec_t frame_ns, bool live,

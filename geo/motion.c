@@ -214,6 +214,14 @@ void motion_put(struct motion *motion, int source, const struct pose *pose)
         end_change(motion, &seen);
 }
 
+void motion_cut(struct motion *motion)
+{
+    track_clear(&motion->places);
+    track_clear(&motion->turns);
+    motion->place = motion->turn = (struct motion_error){0};
+    motion->shown = false;
+}
+
 bool motion_at(const struct motion *motion, nsec_t frame_ns, struct pose *ret_pose)
 {
     if (motion->places.count == 0)

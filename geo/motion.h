@@ -48,6 +48,9 @@ void motion_set_params(struct motion *motion, const struct motion_params *params
  * is left out. Of another source than the last: its path takes the other's place. */
 void motion_put(struct motion *motion, int source, const struct pose *pose);
 
+/* Somewhere else is looked from now on: the next pose is shown as it is, and nothing on the way. */
+void motion_cut(struct motion *motion);
+
 /* Whether a source drives: see `freeze`. */
 void motion_set_live(struct motion *motion, bool live);
 

@@ -160,6 +160,27 @@ static size_t least_size(enum cigi_kind kind, const struct cigi_format *format)
                : cigi_layouts[kind].size[generation(format)];
 }
 
+/* Of what a packet itself says is not used hosts do not take care. `number`: which of its floats.
+ */
+static bool is_unused(const struct cigi_packet *packet, unsigned number)
+{
+    switch (packet->kind) {
+    case CIGI_ENTITY_CONTROL:
+        return packet->entity_control.state == CIGI_DESTROYED;
+    case CIGI_ARTICULATED_PART:
+        return !(packet->articulated_part.use & 1u << number);
+    case CIGI_VIEW_CONTROL:
+        return !(packet->view_control.use & 1u << number);
+    case CIGI_VIEW_DEFINITION:
+        return !(packet->view_definition.use & 1u << number);
+    case CIGI_HEIGHT_REQUEST: /* the altitude */
+        return number == 2 && packet->height_request.type == CIGI_HOT &&
+               !packet->height_request.of_entity;
+    default:
+        return false;
+    }
+}
+
 static int decode_packet(const struct cigi_reader *reader, size_t start, size_t size,
                          enum cigi_kind kind, struct cigi_packet *ret_packet,
                          struct rejection *ret_rejection)
@@ -171,13 +192,17 @@ static int decode_packet(const struct cigi_reader *reader, size_t start, size_t 
         return reject(ret_rejection, REJECT_SHORT, start, "%s of %zu bytes at byte %zu, not %zu",
                       layout->name, size, start, least);
     struct cigi_packet packet = {.kind = kind};
+    unsigned number = 0;
     for (size_t i = 0; i < layout->count; i++) {
         const struct cigi_field *field = &layout->fields[i];
         if (!field->at[g] || field->at[g] >= least)
             continue;
-        int r = decode_field(reader, start, field, &packet, ret_rejection);
-        if (r < 0)
+        bool is_number = field->type == CIGI_F32 || field->type == CIGI_F64;
+        bool unused = is_number && is_unused(&packet, number);
+        int r = decode_field(reader, start, field, &packet, unused ? NULL : ret_rejection);
+        if (r < 0 && !unused)
             return r;
+        number += is_number;
     }
     if (kind == CIGI_MESSAGE) {
         size_t length = size - layout->size[g];

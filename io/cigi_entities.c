@@ -63,6 +63,7 @@ static void begin_motion(const struct cigi_scene *scene, struct cigi_entity *ent
                          nsec_t receive_ns)
 {
     entity->time_ns = scene->extrapolate && entity->control.extrapolate ? receive_ns : 0;
+    entity->valid_ns = scene->told_ns;
 }
 
 static void place_entity(const struct cigi_scene *scene, struct cigi_entity *entity,

@@ -33,6 +33,18 @@ static enum reject_reason find_place(const struct finder *finder, bool of_entity
     return pose_is_sane(&pose) ? REJECT_NONE : REJECT_RANGE;
 }
 
+static enum reject_reason find_height(const struct finder *finder,
+                                      const struct cigi_height_request *request,
+                                      struct cigi_question *question)
+{
+    double place[3] = {request->place[0], request->place[1], request->place[2]};
+    if (request->type == CIGI_HOT && !request->of_entity)
+        place[2] = 0.0; /* it counts for nothing */
+    question->ask = CIGI_ASK_GROUND;
+    question->detailed = request->type == CIGI_HAT_HOT_EXTENDED;
+    return find_place(finder, request->of_entity, request->entity, place, &question->from);
+}
+
 static enum reject_reason find_segment(const struct finder *finder,
                                        const struct cigi_segment_request *request,
                                        struct cigi_question *question)
@@ -199,11 +211,7 @@ enum reject_reason cigi_pending_place(struct cigi_pending *pending, const struct
     struct cigi_question *question = &pending->question;
     switch (request->kind) {
     case CIGI_HEIGHT_REQUEST:
-        question->ask = CIGI_ASK_GROUND;
-        question->detailed = request->height_request.type == CIGI_HAT_HOT_EXTENDED;
-        return find_place(&finder, request->height_request.of_entity,
-                          request->height_request.entity, request->height_request.place,
-                          &question->from);
+        return find_height(&finder, &request->height_request, question);
     case CIGI_SEGMENT_REQUEST:
         return find_segment(&finder, &request->segment_request, question);
     case CIGI_VECTOR_REQUEST:

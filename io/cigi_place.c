@@ -8,6 +8,8 @@
 #include "geo/frames.h"
 #include "geo/geographic.h"
 
+#define STANDS_NS (100 * NSEC_PER_MSEC) /* what is told seldomer than that stands in between */
+
 bool cigi_place_is_sane(const double place[3])
 {
     return fabs(place[0]) <= 90.0 && fabs(place[1]) <= DECODE_LON_MAX_DEG &&
@@ -96,6 +98,25 @@ static void give_rates(const struct cigi_entity *entity, struct pose *pose)
     pose->rates_body_dps[2] = rate->yaw_dps;
 }
 
+/* It, or what it is attached to, where rates move that; NULL: nothing does. */
+static const struct cigi_entity *mover(const struct cigi_scene *scene, uint16_t id)
+{
+    const struct cigi_entity *entity = cigi_scene_entity(scene, id);
+    while (!entity->moving && entity->control.placement.attach)
+        entity = cigi_scene_entity(scene, entity->control.placement.parent);
+    return entity->moving ? entity : NULL;
+}
+
+/* When an entity is where it is, as the host counts. A place that messages no longer tell is not
+ * repeated as of each of them at once: it may come in every second one only. */
+static nsec_t valid_time(const struct cigi_scene *scene, uint16_t id)
+{
+    const struct cigi_entity *root = cigi_scene_root(scene, id), *moving = mover(scene, id);
+    if (root->moving || scene->told_ns - root->valid_ns <= STANDS_NS)
+        return root->valid_ns;
+    return moving ? moving->valid_ns : scene->told_ns;
+}
+
 static int entity_pose(const struct cigi_scene *scene, uint16_t id,
                        const struct cigi_ground *ground, int depth, struct pose *ret_pose)
 {
@@ -106,7 +127,7 @@ static int entity_pose(const struct cigi_scene *scene, uint16_t id,
         return -ENODATA;
     if (depth == CIGI_DEPTH_MAX)
         return -ELOOP;
-    struct pose pose = {.time_ns = scene->now_ns, .valid = POSE_POSITION | POSE_ATTITUDE};
+    struct pose pose = {.valid = POSE_POSITION | POSE_ATTITUDE};
     if (entity->control.placement.attach) {
         struct pose base;
         int r = entity_pose(scene, entity->control.placement.parent, ground, depth + 1, &base);
@@ -132,9 +153,11 @@ int cigi_scene_entity_pose(const struct cigi_scene *scene, uint16_t entity,
     int r = entity_pose(scene, entity, ground, 0, &pose);
     if (r == 0 && !pose_is_sane(&pose))
         r = -ERANGE;
-    if (r == 0)
-        *ret_pose = pose;
-    return r;
+    if (r < 0)
+        return r;
+    *ret_pose = pose;
+    ret_pose->time_ns = valid_time(scene, entity);
+    return 0;
 }
 
 const struct cigi_entity *cigi_scene_root(const struct cigi_scene *scene, uint16_t id)
@@ -165,7 +188,8 @@ size_t cigi_scene_seen(const struct cigi_scene *scene, uint16_t except,
                                  .pose = pose};
         const struct cigi_entity *root = cigi_scene_root(scene, (uint16_t)entity->id);
         seen.placed_ns = root->placed_ns;
-        seen.moves = root->moving || root->control.placement.clamp != CIGI_UNCLAMPED;
+        seen.moves =
+            mover(scene, (uint16_t)entity->id) || root->control.placement.clamp != CIGI_UNCLAMPED;
         ret_seen[count++] = seen;
     }
     return count;
@@ -233,8 +257,10 @@ static void move(struct cigi_entity *entity, double dt_s)
 static void advance_entity(const struct cigi_scene *scene, struct cigi_entity *entity,
                            nsec_t now_ns)
 {
-    if (entity->moving && entity->placed && entity->time_ns != 0)
+    if (entity->moving && entity->placed && entity->time_ns != 0) {
         move(entity, seconds_from_ns(now_ns - entity->time_ns));
+        entity->valid_ns += now_ns - entity->time_ns;
+    }
     entity->time_ns = now_ns;
 }
 

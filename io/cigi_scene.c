@@ -54,6 +54,7 @@ void cigi_scene_reset(struct cigi_scene *scene)
         .atmosphere = {.temperature_c = 15.0f, .visibility_m = 1e5f, .pressure_hpa = 1013.25f},
         .celestial = {.sun = 1, .ephemeris = 1},
         .now_ns = scene->now_ns,
+        .told_ns = scene->told_ns,
     };
     fresh.entities.count = fresh.parts.count = fresh.views.count = 0;
     fresh.components.count = fresh.regions.count = 0;

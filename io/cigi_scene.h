@@ -24,7 +24,8 @@ struct cigi_entity {
     bool moving;              /* by `rate` */
     struct cigi_rate rate;
     nsec_t placed_ns; /* when the message came that placed it last */
-    nsec_t time_ns;   /* of place and attitude; 0: nobody has begun a frame with them */
+    nsec_t time_ns;   /* from which on rates move it; 0: nobody has begun a frame with its place */
+    nsec_t valid_ns;  /* when place and attitude are valid, as the host counts: see told_ns */
 };
 
 struct cigi_part {
@@ -63,6 +64,7 @@ struct cigi_scene {
     bool has_utc;     /* the host has told date and time */
     nsec_t utc_ns;    /* at now_ns */
     nsec_t now_ns;
+    nsec_t told_ns; /* when that was which the last message tells, by its time stamp */
 };
 
 struct cigi_scene_limits {
@@ -77,10 +79,12 @@ struct cigi_ground {
               double ret_normal_enu[3]);
 };
 
-/* Where an entity is. Velocity and rates are valid where the host has sent rates for it and it is
- * not attached. `ground` puts clamped ones on the ground; it may be NULL. Returns 0; -ENOENT: there
- * is none; -ENODATA: it has not been placed; -ELOOP: too many are attached to one another; -EAGAIN:
- * it is clamped and the ground is not known; -ERANGE: it has left the Earth. */
+/* Where an entity is. Its time is when the host says that it is there: that of the message which
+ * placed it, plus what its rates have moved it; of one that stands, the last message's. Velocity
+ * and rates are valid where the host has sent rates for it and it is not attached. `ground` puts
+ * clamped ones on the ground; it may be NULL. Returns 0; -ENOENT: there is none; -ENODATA: it has
+ * not been placed; -ELOOP: too many are attached to one another; -EAGAIN: it is clamped and the
+ * ground is not known; -ERANGE: it has left the Earth. */
 int cigi_scene_entity_pose(const struct cigi_scene *scene, uint16_t entity,
                            const struct cigi_ground *ground, struct pose *ret_pose);
 
@@ -98,7 +102,7 @@ struct cigi_seen {
     struct pose pose;
     /* Of what it is attached to in the end, or its own: */
     nsec_t placed_ns; /* as struct cigi_entity has it */
-    bool moves;       /* though nobody places it: by its rates, or over the ground */
+    bool moves;       /* though nobody places it: by rates, its own too, or over the ground */
 };
 
 /* The active entities that have a place, but for one, in the order of their numbers; at most

@@ -6,10 +6,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define NS_PER_TICK    10000 /* of time stamps */
+#define NS_PER_TICK    10000               /* of time stamps */
+#define AGAIN_NS       (5 * NSEC_PER_MSEC) /* within which the same time stamp is of one instant */
 #define SAYINGS_MAX    8
-#define SAY_AGAIN_NS   NSEC_PER_SEC /* the same reason */
-#define LATE_FRAMES    64           /* older than this: the host began anew */
+#define SAY_AGAIN_NS   NSEC_PER_SEC          /* the same reason */
+#define LATE_FRAMES    64                    /* older than this: the host began anew */
+#define LATE_NS        (200 * NSEC_PER_MSEC) /* so, too, where nothing was heard for so long */
 #define JUMP_FRAMES    4096
 #define BEHIND_FRAMES  60 /* for so long a host that is behind is expected to catch up */
 #define NOT_AVAILABLE  (-128)
@@ -32,8 +34,11 @@ struct cigi_session {
     uint16_t condition;
     bool in_step;       /* the host has answered the frame that we had sent last */
     unsigned behind;    /* messages since it did */
-    uint32_t timestamp; /* the host's last */
-    nsec_t start_ns;    /* our time stamps count from here */
+    bool timed;         /* the host has told a time stamp */
+    uint32_t timestamp; /* its last, */
+    nsec_t timed_ns;    /* and when that came first */
+    struct sample_clock clock;
+    nsec_t start_ns; /* our time stamps count from here */
     bool started;
     struct cigi_message sayings[SAYINGS_MAX];
     size_t saying_count;
@@ -139,12 +144,13 @@ static bool has_host_frames(const struct cigi_format *format)
 /* By the host's frame numbers, which 3.0 and 3.1 do not have. Restarts and equal numbers, of hosts
  * that do not count, are taken. */
 static int take_frame_number(struct cigi_link *link, const struct cigi_format *format,
-                             uint32_t host_frame, struct rejection *ret_rejection)
+                             uint32_t host_frame, nsec_t receive_ns,
+                             struct rejection *ret_rejection)
 {
     int32_t step = (int32_t)(host_frame - link->host_frame);
-    if (!link->heard || !has_host_frames(format))
+    if (!link->heard || !has_host_frames(format) || !has_host_frames(&link->format))
         return 0;
-    if (step < 0 && step >= -LATE_FRAMES)
+    if (step < 0 && step >= -LATE_FRAMES && receive_ns - link->receive_ns <= LATE_NS)
         return reject(ret_rejection, REJECT_LATE, 0, "host frame %u after %u", host_frame,
                       link->host_frame);
     if (step < 0 || step > JUMP_FRAMES)
@@ -169,13 +175,30 @@ static void take_answer(struct cigi_session *session, uint32_t answered)
     link->counters.behind += !link->answers;
 }
 
-static void take_timestamp(struct cigi_session *session, const struct cigi_ig_control *control)
+/* A host that began anew counts from below its first: then that is the first. One whose time stamp
+ * stands still has no clock, unless it has said two things of one instant. */
+static void take_timestamp(struct cigi_session *session, const struct cigi_ig_control *control,
+                           nsec_t receive_ns)
 {
     struct cigi_link *link = &session->link;
-    if (control->timestamp_valid && link->timestamp_valid)
-        link->host_ns += (nsec_t)(int32_t)(control->timestamp - session->timestamp) * NS_PER_TICK;
-    session->timestamp = control->timestamp;
+    bool stands = session->timed && control->timestamp == session->timestamp;
+    bool again = stands && receive_ns - session->timed_ns < AGAIN_NS;
     link->timestamp_valid = control->timestamp_valid;
+    if (!again)
+        link->valid_ns = receive_ns;
+    if (control->timestamp_valid && !stands) {
+        if (session->timed)
+            link->host_ns +=
+                (nsec_t)(int32_t)(control->timestamp - session->timestamp) * NS_PER_TICK;
+        if (link->host_ns < 0)
+            link->host_ns = 0;
+        session->timed = true;
+        session->timed_ns = receive_ns;
+        session->timestamp = control->timestamp;
+        link->valid_ns =
+            sample_clock_time(&session->clock, link->host_ns + NSEC_PER_SEC, receive_ns);
+    }
+    session->scene.told_ns = link->valid_ns;
 }
 
 /* Back to Standby: everything that the host has set up is gone. */
@@ -241,7 +264,7 @@ static int take_control(struct cigi_session *session, const struct cigi_reader *
                         struct rejection *ret_rejection)
 {
     struct cigi_link *link = &session->link;
-    take_timestamp(session, control);
+    take_timestamp(session, control, receive_ns);
     link->heard = true;
     link->format = reader->format;
     link->host_frame = control->host_frame;
@@ -254,6 +277,13 @@ static int take_control(struct cigi_session *session, const struct cigi_reader *
     return take_database(session, control->database, ret_rejection);
 }
 
+static bool is_of_another(const struct cigi_session *session, const struct cigi_packet *packet,
+                          const struct rejection *why)
+{
+    return session->params.of_several && packet->kind == CIGI_VIEW_CONTROL &&
+           why->reason == REJECT_REFERENCE;
+}
+
 static int take_packet(struct cigi_session *session, const struct cigi_packet *packet,
                        nsec_t receive_ns, struct rejection *ret_rejection)
 {
@@ -264,6 +294,10 @@ static int take_packet(struct cigi_session *session, const struct cigi_packet *p
     }
     int r = cigi_scene_take(&session->scene, packet, session->link.format.major == 3, receive_ns,
                             ret_rejection);
+    if (r < 0 && is_of_another(session, packet, ret_rejection)) {
+        counters->skipped++;
+        return 0;
+    }
     if (r > 0) {
         r = cigi_requests_take(&session->requests, packet, ret_rejection);
         counters->requests += r == 0;
@@ -296,8 +330,8 @@ static int take_rest(struct cigi_session *session, struct cigi_reader *reader, n
 
 /* What begins the message: it must be good, or nothing of the message is used. */
 static int read_control(struct cigi_session *session, const void *data, size_t size,
-                        struct cigi_reader *ret_reader, struct cigi_packet *ret_packet,
-                        struct rejection *ret_rejection)
+                        nsec_t receive_ns, struct cigi_reader *ret_reader,
+                        struct cigi_packet *ret_packet, struct rejection *ret_rejection)
 {
     if (cigi_read_begin(data, size, ret_reader, ret_rejection) < 0 ||
         cigi_read(ret_reader, ret_packet, ret_rejection) != CIGI_PACKET)
@@ -306,7 +340,7 @@ static int read_control(struct cigi_session *session, const void *data, size_t s
         return reject(ret_rejection, REJECT_MAGIC, 0, "it begins with %s, not with IG Control",
                       cigi_layouts[ret_packet->kind].name);
     return take_frame_number(&session->link, &ret_reader->format, ret_packet->ig_control.host_frame,
-                             ret_rejection);
+                             receive_ns, ret_rejection);
 }
 
 int cigi_session_receive(struct cigi_session *session, const void *data, size_t size,
@@ -316,7 +350,7 @@ int cigi_session_receive(struct cigi_session *session, const void *data, size_t 
     struct cigi_reader reader;
     struct cigi_packet packet;
     struct rejection why;
-    int r = read_control(session, data, size, &reader, &packet, &why);
+    int r = read_control(session, data, size, receive_ns, &reader, &packet, &why);
     if (r < 0) {
         counters->messages_refused++;
         refuse(session, &why, receive_ns, &(int){0}, ret_rejection);

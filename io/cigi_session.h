@@ -21,6 +21,7 @@
 #include "io/cigi_codec.h"
 #include "io/cigi_requests.h"
 #include "io/cigi_scene.h"
+#include "io/sample_clock.h"
 
 struct cigi_session_params {
     uint8_t major, minor; /* spoken until a host has spoken; 0 = 3.3 */
@@ -30,6 +31,8 @@ struct cigi_session_params {
     double eye_m[3]; /* likewise, in the axes of own-ship, and in which direction it looks */
     struct attitude direction;
     bool synchronous; /* a place holds for the frame that its message starts, whatever its rates */
+    bool of_several;  /* others hear the same host: what it says of a view that is not there is
+                         theirs, and skipped */
     /* Limits; 0 = 1024 entities, parts and components, 256 views and regions, 1000 requests. */
     struct cigi_scene_limits limits;
     size_t requests;
@@ -59,8 +62,9 @@ struct cigi_link {
      * that does not go by these. */
     bool answers;
     bool timestamp_valid; /* host_ns is the host's clock */
-    nsec_t host_ns;       /* its time stamps, carried on over their wrap; from its first */
-    nsec_t receive_ns;    /* of the last message */
+    nsec_t host_ns; /* its time stamps, carried on over their wrap; from its first, never below */
+    nsec_t receive_ns; /* of the last message */
+    nsec_t valid_ns;   /* when that was which it tells: by its time stamp, on our clock */
     struct cigi_counters counters;
 };
 

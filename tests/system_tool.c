@@ -202,7 +202,8 @@ static void put_surroundings(const char *kind, struct cigi_writer *writer)
         cigi_write(writer, &view);
 }
 
-/* Own-ship looks south; entity 5 is 500 m before it, or is no more. */
+/* Own-ship looks south; entity 5 is 500 m before it, or is no more. Entity 6 is 56 m north of where
+ * own-ship was put last; the eye rides on it, or is back. */
 static void put_traffic(const char *kind, const struct cigi_host *host, struct cigi_writer *writer)
 {
     struct pose pose = {.valid = POSE_POSITION | POSE_ATTITUDE,
@@ -217,6 +218,13 @@ static void put_traffic(const char *kind, const struct cigi_host *host, struct c
         cigi_host_put_pose(host, writer, 5, 20, &pose);
     if (strcmp(kind, "gone") == 0)
         cigi_write(writer, &gone);
+    struct cigi_packet ride = {.kind = CIGI_VIEW_CONTROL,
+                               .view_control = {.entity = strcmp(kind, "ride") == 0 ? 6 : 0}};
+    pose.position.lat_deg = 46.7005;
+    if (strcmp(kind, "wingman") == 0)
+        cigi_host_put_pose(host, writer, 6, 20, &pose);
+    if (strcmp(kind, "ride") == 0 || strcmp(kind, "back") == 0)
+        cigi_write(writer, &ride);
 }
 
 /* What speaks of a view, an entity or a place that is not there. */

@@ -349,6 +349,72 @@ static void test_bad_packets(void)
                  true);
 }
 
+/* Reads it back; `ok`: it is to be read, else to be refused. */
+static void check_taken(const struct cigi_packet *packet, bool ok)
+{
+    static const struct cigi_format formats[] = {{3, 3, false}, {4, 0, true}};
+    for (size_t i = 0; i < sizeof(formats) / sizeof(formats[0]); i++) {
+        struct cigi_packet head = {.kind = CIGI_IG_CONTROL}, again;
+        struct cigi_reader reader;
+        uint8_t data[256];
+        struct cigi_writer writer = {.data = data, .capacity = 256, .format = formats[i]};
+        if (packet->kind == CIGI_ENTITY_CONTROL && formats[i].major == 4)
+            continue; /* it has no numbers */
+        CHECK(cigi_write(&writer, &head) && cigi_write(&writer, packet));
+        CHECK_INT(cigi_read_begin(data, writer.size, &reader, NULL), 0);
+        CHECK_INT(cigi_read(&reader, &again, NULL), CIGI_PACKET);
+        int r = cigi_read(&reader, &again, NULL);
+        if (r != (ok ? CIGI_PACKET : -EBADMSG))
+            CHECK_FAIL("%s of %d.%d: %d", cigi_layouts[packet->kind].name, formats[i].major,
+                       formats[i].minor, r);
+    }
+}
+
+/* Each of six numbers is used by a bit of its own. */
+static void check_used(struct cigi_packet *packet, uint8_t *use, float *const numbers[6])
+{
+    for (int i = 0; i < 6; i++) {
+        *numbers[i] = NAN;
+        *use = (uint8_t)(0x3f & ~(1 << i));
+        check_taken(packet, true);
+        *use = (uint8_t)(1 << i);
+        check_taken(packet, false);
+        *numbers[i] = 1.0f;
+    }
+}
+
+static void test_unused_numbers(void)
+{
+    struct cigi_packet packet = {.kind = CIGI_VIEW_DEFINITION};
+    struct cigi_view_definition *d = &packet.view_definition;
+    check_used(&packet, &d->use,
+               (float *[]){&d->near_m, &d->far_m, &d->left, &d->right, &d->top, &d->bottom});
+    packet = (struct cigi_packet){.kind = CIGI_VIEW_CONTROL};
+    struct cigi_view_control *v = &packet.view_control;
+    check_used(&packet, &v->use,
+               (float *[]){&v->offset_m[0], &v->offset_m[1], &v->offset_m[2], &v->roll_deg,
+                           &v->pitch_deg, &v->yaw_deg});
+    packet = (struct cigi_packet){.kind = CIGI_ARTICULATED_PART};
+    struct cigi_articulated_part *a = &packet.articulated_part;
+    check_used(&packet, &a->use,
+               (float *[]){&a->offset_m[0], &a->offset_m[1], &a->offset_m[2], &a->roll_deg,
+                           &a->pitch_deg, &a->yaw_deg});
+    for (int i = 0; i < 4; i++) {
+        packet = (struct cigi_packet){.kind = CIGI_ENTITY_CONTROL};
+        packet.entity_control.placement.place[i % 3] = i < 3 ? NAN : 1e300;
+        packet.entity_control.placement.yaw_deg = INFINITY;
+        check_taken(&packet, false);
+        packet.entity_control.state = CIGI_DESTROYED;
+        check_taken(&packet, true);
+        packet = (struct cigi_packet){.kind = CIGI_HEIGHT_REQUEST};
+        packet.height_request.type = CIGI_HOT;
+        packet.height_request.place[i % 3] = i < 3 ? NAN : -1e300;
+        check_taken(&packet, i == 2);
+        packet.height_request.of_entity = 1;
+        check_taken(&packet, false);
+    }
+}
+
 static void test_what_is_passed_over(void)
 {
     struct rejection why;
@@ -394,6 +460,7 @@ int main(void)
         {"seconds may be whole numbers or floats", test_whole_seconds},
         {"what is no CIGI is refused for its reason", test_no_message},
         {"a bad packet costs no more than it must", test_bad_packets},
+        {"what a packet says is not used may be anything", test_unused_numbers},
         {"what is passed over has a name", test_what_is_passed_over},
         {"the writer stays in its room and its version", test_no_room},
     };

@@ -144,6 +144,25 @@ static void test_height_of_entity(void)
     pair_end();
 }
 
+/* The ground has one height, whatever a host has left in the altitude. */
+static void test_hot_without_altitude(void)
+{
+    static const double altitudes_m[] = {NAN, INFINITY, 1e300, 5e8};
+    struct cigi_packet request = height_request(5, CIGI_HOT);
+    operate(little_3);
+    for (size_t i = 0; i < sizeof(altitudes_m) / sizeof(altitudes_m[0]); i++) {
+        request.height_request.place[2] = altitudes_m[i];
+        request.height_request.type = CIGI_HOT;
+        CHECK_INT(ask(&request), 1);
+        CHECK_INT(answered(&ground_432, CIGI_HEIGHT_RESPONSE), 1);
+        CHECK(responses[0].height_response.valid);
+        CHECK_NEAR(responses[0].height_response.height_m, 432.5, 0.0);
+        request.height_request.type = CIGI_HAT;
+        CHECK_INT(ask(&request), 0);
+    }
+    pair_end();
+}
+
 static void test_periodic(void)
 {
     operate(little_3);
@@ -461,6 +480,7 @@ int main(void)
          test_placed_when_it_comes},
         {"HAT, HOT and extended", test_heights},
         {"heights at places in an entity's axes", test_height_of_entity},
+        {"of HOT the altitude is not looked at", test_hot_without_altitude},
         {"periodic requests begin, wait and end", test_periodic},
         {"1000 requests are answered in one message, one more is refused", test_many},
         {"what nobody answers is told to be invalid", test_patience},

@@ -325,6 +325,19 @@ static void test_disorder(void)
     CHECK_INT(send_frame(0, 6.0), 0); /* it began anew */
     CHECK_NEAR(own_ship()->place[0], 6.0, 0.0);
     CHECK_INT(pair_link()->counters.restarts, 2);
+    CHECK_INT(send_frame(20, 7.0), 0);
+    talk.now_ns += NSEC_PER_SEC / 2;
+    CHECK_INT(send_frame(1, 8.0), 0); /* it ran for 20 frames only, and began anew */
+    CHECK_NEAR(own_ship()->place[0], 8.0, 0.0);
+    CHECK_INT(pair_link()->counters.restarts, 3);
+    CHECK_INT(send_frame(0, 9.0), -EBADMSG);
+    /* Another host, whose frame numbers are its own; before it one that counted ours. */
+    talk.host.format.minor = 1;
+    CHECK_INT(send_frame(0, 10.0), 0);
+    talk.host.format.minor = 3;
+    uint32_t counted = pair_link()->host_frame;
+    CHECK_INT(send_frame(counted - 1, 11.0), 0);
+    CHECK_NEAR(own_ship()->place[0], 11.0, 0.0);
     pair_end();
 }
 
@@ -513,35 +526,6 @@ static void test_synchronous(void)
     }
 }
 
-/* Where the channel's eye is until the host says so, and again after a reset. */
-static void test_own_eye(void)
-{
-    struct cigi_session_params params = {.one_database = true,
-                                         .view = {.view = 3},
-                                         .eye_m = {4.5, -0.5, -1.25},
-                                         .direction = {1.0, 2.0, 300.0}};
-    struct cigi_packet turn = {.kind = CIGI_VIEW_CONTROL,
-                               .view_control = {.view = 3, .use = 0x20, .yaw_deg = 60.0f}};
-    pair_start(&params, little_3);
-    for (int i = 0; i < 2; i++) {
-        pair_open();
-        CHECK_INT(pair_exchange(NULL), 0);
-        const struct cigi_view *view = cigi_scene_view(cigi_session_scene(talk.session), 3);
-        CHECK(view->offset_m[0] == 4.5 && view->offset_m[2] == -1.25);
-        CHECK_NEAR(view->attitude.heading_deg, 300.0, 0.0);
-        pair_open();
-        pair_put(&turn);
-        CHECK_INT(pair_exchange(NULL), 0);
-        view = cigi_scene_view(cigi_session_scene(talk.session), 3);
-        CHECK_NEAR(view->attitude.heading_deg, 60.0, 1e-5);
-        CHECK(view->offset_m[0] == 4.5 && view->attitude.pitch_deg == 2.0);
-        pair_open();
-        talk.host_data[4] &= 0xfc; /* Standby */
-        CHECK_INT(pair_exchange(NULL), 0);
-    }
-    pair_end();
-}
-
 int main(void)
 {
     static const struct check_test tests[] = {
@@ -561,7 +545,6 @@ int main(void)
         {"a reason is told once a second", test_told_once_a_second},
         {"noise within messages stops nothing", test_noise},
         {"in step, a place holds for the frame that it starts", test_synchronous},
-        {"the channel's own eye, until the host moves it", test_own_eye},
         {"faults have their IG status", test_status},
         {"IG Messages are cut and limited", test_sayings},
     };

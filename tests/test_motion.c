@@ -255,6 +255,28 @@ static void who_is_moved_far_is_there_at_once(void)
     CHECK(distance_m(&seen, &pose) < 10.0);
 }
 
+/* Within what a manoeuvre might do, but it is none. */
+static void after_a_cut_nothing_is_on_the_way(void)
+{
+    struct motion motion;
+    struct motion_params late = {.delay_ns = 40 * MS, .extrapolate_ns = 250 * MS};
+    struct pose seen, pose;
+    motion_init(&motion, &late);
+    for (int i = 0; i < 10; i++) {
+        pose = eastwards(i * 20 * MS);
+        motion_put(&motion, 0, &pose);
+        motion_show(&motion, i * 20 * MS, &seen);
+    }
+    motion_cut(&motion);
+    CHECK(!motion_show(&motion, 190 * MS, &seen));
+    pose = eastwards(200 * MS);
+    pose.position.height_m += 60.0;
+    motion_put(&motion, 0, &pose);
+    CHECK(motion_show(&motion, 200 * MS, &seen));
+    CHECK_NEAR(seen.position.height_m, pose.position.height_m, 0.1);
+    CHECK(largest_step_m(&motion, 201 * MS, &seen) < 7.0);
+}
+
 static void order_and_repetition_do_not_matter(void)
 {
     static const int orders[][5] = {{0, 1, 2, 3, 4}, {1, 0, 2, 4, 3}, {4, 3, 2, 1, 0}};
@@ -454,6 +476,7 @@ static const struct check_test tests[] = {
     {"another source takes over without a jump", another_source_takes_over_without_a_jump},
     {"other parameters do not make it jump", other_parameters_do_not_make_it_jump},
     {"who is moved far is there at once", who_is_moved_far_is_there_at_once},
+    {"after a cut nothing is on the way", after_a_cut_nothing_is_on_the_way},
     {"order and repetition do not matter", order_and_repetition_do_not_matter},
     {"a clock that is set back begins anew", a_clock_that_is_set_back_begins_anew},
     {"a fast sender does not fill it", a_fast_sender_does_not_fill_it},

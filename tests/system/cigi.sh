@@ -84,6 +84,19 @@ wait_for 3 holds 1 390 || fail "the host's time of 6:30 is not drawn"
 send view
 wait_for 3 logged "view 0: a field of view from -89 to 30" || fail "a view that cannot be drawn is not told"
 send place # as before
+# the eye is put on another entity, near by: at once, by no way between
+wait_for 3 near lat_deg 46.7 1e-6 || fail "own-ship is not back: $(field lat_deg)"
+send wingman
+for entity in ride back; do
+    send $entity
+    for _ in 1 2 3 4 5 6 7 8; do
+        field lat_deg
+    done >seen.txt
+    awk '!($1 > 46.699999 && $1 < 46.700001 || $1 > 46.700499 && $1 < 46.700501) { exit 1 }' seen.txt ||
+        fail "$entity: the eye glides: $(tr '\n' ' ' <seen.txt)"
+    [ $entity = back ] || wait_for 3 near lat_deg 46.7005 1e-6 ||
+        fail "the eye does not ride: $(field lat_deg)"
+done
 send debug
 wait_for 3 logged "source host: Debug" || fail "it does not go to Debug"
 wait_for 3 logged "source host: CIGI 3.3, " || fail "Debug does not tell the counters"

@@ -43,6 +43,23 @@ status=$?
 logged "again within a minute" || fail "the log does not tell of the second reset"
 grep -c 'drawing with OpenGL' otwd.log | grep -qx 2 || fail "the renderer was not made twice"
 
+# What a CIGI host says but once, while the renderer is made anew, is not lost.
+cat >cigi.yaml <<YAML
+display: {width: 160, height: 90, rate_hz: 20}
+sources:
+  - {name: host, type: cigi, listen: "127.0.0.1:$port", reply: "127.0.0.1:$(free_port)", timeout_ms: 60000}
+health: {modbus: {listen: "127.0.0.1:$modbus"}}
+YAML
+LD_PRELOAD="$lose" LOSE_AT=60 start_daemon cigi.yaml
+"$SYSTEM_TOOL" cigi "$port" operate || fail "own-ship is not sent"
+wait_for 5 is source 1 || fail "the host does not drive"
+wait_for 10 logged "fault=306" || fail "the log does not tell of the reset"
+"$SYSTEM_TOOL" cigi "$port" place || fail "another place is not sent"
+echo "drawing $(grep -c 'drawing with OpenGL' otwd.log) times when it was sent"
+wait_for 10 near lat_deg 46.7 1e-6 || fail "what the host told meanwhile is lost: latitude $(field lat_deg)"
+wait_for 10 at_least frames_rendered 80 || fail "no frames after the reset"
+stop_daemon
+
 # A replay says so and ends.
 LD_PRELOAD="$lose" LOSE_AT=12 "$OTWD" replay -q --speed max --rate 10 --size 64x36 --frames out \
     flight.csv 2>replay.log
