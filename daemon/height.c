@@ -64,11 +64,9 @@ static const struct argp parser = {
     .options = known,
     .parser = parse_option,
     .args_doc = "DB [LAT LON]",
-    .doc =
-        "The height of the terrain, in metres. Without coordinates reads \"lat lon\" lines from "
-        "standard input and answers each with a line; \"nan\" where there is no data. Options come "
-        "before the coordinates."
-        "\vExit status: 0 answered, 64 bad usage, 65 a bad database or line, 66 no such file.",
+    .doc = "The height of the terrain, in metres. Without coordinates reads \"lat lon\" lines from "
+           "standard input and answers each with a line; \"nan\" where there is no data."
+           "\vExit status: 0 answered, 64 bad usage, 65 a bad database or line, 66 no such file.",
 };
 
 static int answer(struct query *query, struct geoid *geoid, const struct height_options *options,
@@ -117,21 +115,31 @@ static int answer_lines(struct query *query, struct geoid *geoid,
     return 0;
 }
 
-/* Puts "--" before the first negative number, so that it is not taken for an option. */
+static bool is_number(const char *text)
+{
+    char *end;
+    strtod(text, &end);
+    return end != text && *end == '\0' && !isalpha((unsigned char)*text);
+}
+
+/* Numbers go last and in their order, behind "--", so that negative ones are not taken for options,
+ * wherever those stand. `ret_argv` has room for two more than there are. */
 static int guard_numbers(int argc, char **argv, char **ret_argv)
 {
-    int count = 0;
-    bool guarded = false;
-    for (int i = 0; i < argc; i++) {
-        bool number =
-            argv[i][0] == '-' && (isdigit((unsigned char)argv[i][1]) || argv[i][1] == '.');
-        guarded = guarded || strcmp(argv[i], "--") == 0;
-        if (number && !guarded) {
-            ret_argv[count++] = (char *)"--";
-            guarded = true;
-        }
-        ret_argv[count++] = argv[i];
+    char *numbers[ARGUMENTS_MAX];
+    int count = 0, number_count = 0, i;
+    for (i = 0; i < argc && strcmp(argv[i], "--") != 0; i++) {
+        bool is_value = i > 0 && strcmp(argv[i - 1], "--datum") == 0;
+        if (i > 0 && !is_value && is_number(argv[i]))
+            numbers[number_count++] = argv[i];
+        else
+            ret_argv[count++] = argv[i];
     }
+    ret_argv[count++] = (char *)"--";
+    for (int n = 0; n < number_count; n++)
+        ret_argv[count++] = numbers[n];
+    while (++i < argc)
+        ret_argv[count++] = argv[i];
     ret_argv[count] = NULL;
     return count;
 }

@@ -13,6 +13,7 @@
 #include "daemon/cli.h"
 #include "daemon/import_report.h"
 #include "daemon/import_stamp.h"
+#include "daemon/version.h"
 #include "terrain/image_encode.h"
 
 static volatile sig_atomic_t stop_asked;
@@ -100,7 +101,7 @@ static int close_output(int status)
 
 int main(int argc, char **argv)
 {
-    argp_program_version = "otwd-import " OTWD_VERSION;
+    argp_program_version = "otwd " OTWD_VERSION " (" OTWD_COMMIT ")";
     if (argc > 1 && strcmp(argv[1], "--bench-codec") == 0)
         return close_output(bench_codec_main(argc - 1, argv + 1));
     if (argc > 1 && strcmp(argv[1], "--stamp") == 0)

@@ -1,6 +1,7 @@
 /* What otwd-import is asked to do: options, and lists of sources. */
 #include "daemon/import_options.h"
 
+#include <argp.h>
 #include <errno.h>
 #include <getopt.h>
 #include <math.h>
@@ -369,7 +370,7 @@ static int take_option(struct arguments *arguments, int option)
         arguments->done = true;
         return 0;
     case OPTION_VERSION:
-        puts("otwd-import " OTWD_VERSION);
+        puts(argp_program_version);
         arguments->done = true;
         return 0;
     default: /* getopt has said what is wrong */

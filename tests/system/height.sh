@@ -15,6 +15,16 @@ case $? in
     ;;
 *) fatal "import" ;;
 esac
+# Options may stand anywhere, though places are negative numbers.
+usual=$("$OTWD" height --normal flat.db 46.7 8.1)
+for arguments in 'flat.db 46.7 8.1 --normal' 'flat.db --normal 46.7 8.1' '--normal flat.db -- 46.7 8.1' \
+    'flat.db 46.7 -351.9 --normal' '--normal flat.db 46.7 -351.9'; do
+    # shellcheck disable=SC2086
+    [ "$("$OTWD" height $arguments)" = "$usual" ] || fail "height $arguments"
+done
+[ "$("$OTWD" height flat.db -46.7 -8.1 --datum ellipsoid)" = nan ] || fail "a place in the south-west"
+"$OTWD" height flat.db -46.7 -8.1 -9 2>height.err
+[ $? -eq 64 ] || fail "a third number is taken"
 mkfifo questions answers
 start height.log sh -c "'$OTWD' height flat.db <questions >answers"
 exec 3>questions 4<answers

@@ -33,7 +33,7 @@ for name in run replay demo import merge info verify height dig send 'bench code
     diff helped.txt told.txt >"$name.log" || fail "$name: --help (<) and the manual (>) differ"
     diff helped.txt completed.txt >>"$name.log" ||
         fail "$name: --help (<) and the completion (>) differ"
-    "$OTWD" $name --version | grep -q '^otwd' || fail "$name: no --version"
+    [ "$("$OTWD" $name --version)" = "$("$OTWD" --version)" ] || fail "$name: no --version, or another"
     "$OTWD" $name --no-such-option 2>wrong.txt
     [ $? -eq 64 ] || fail "$name: a wrong option is not 64"
     grep -q -- '--no-such-option' wrong.txt || fail "$name: a wrong option is not named"
