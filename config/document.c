@@ -78,13 +78,14 @@ static int read_all(struct document *document)
     return r;
 }
 
-/* The slip that libyaml has the least helpful words for. `line` counts from 0. */
+/* The slip that libyaml has the least helpful words for. `line` counts from 0, by more kinds of
+ * line break than are looked for here. */
 static bool is_indented_by_tab(const struct document *document, size_t line)
 {
     const char *at = document->text, *end = at + document->size;
     for (; at && line > 0; line--) {
-        at = memchr(at, '\n', (size_t)(end - at));
-        at += at ? 1 : 0;
+        const char *line_end = memchr(at, '\n', (size_t)(end - at));
+        at = line_end ? line_end + 1 : NULL;
     }
     while (at && at < end && *at == ' ')
         at++;

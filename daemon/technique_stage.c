@@ -148,7 +148,7 @@ static int open_measures(struct stage *stage, const struct stage_params *params,
                                               .width = channel->width,
                                               .height = channel->height};
     int r = quality_create(&quality, &stage->quality, diag);
-    if (r == 0 && !(stage->timer = technique_timer_create()))
+    if (r == 0 && !(stage->timer = technique_timer_create(stage->gl.software)))
         r = diag_set(diag, -ENOMEM, "no memory for the timer");
     return r < 0
                ? r

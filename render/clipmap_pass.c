@@ -13,8 +13,10 @@
 #include "render/program.h"
 #include "terrain/level_store.h"
 
-#define UPLOAD_GROUP    64   /* texels of a work group of upload.comp, blocks of bounds.comp */
-#define UPLOAD_GROUPS_X 1024 /* work groups side by side */
+#define UPLOAD_GROUP    64 /* texels of a work group of upload.comp */
+#define BOUNDS_LANES    16 /* invocations of bounds.comp that share a block */
+#define BOUNDS_GROUP    (UPLOAD_GROUP / BOUNDS_LANES) /* blocks of one of its work groups */
+#define UPLOAD_GROUPS_X 1024                          /* work groups side by side */
 #define UPLOAD_RECTS    (3 * LOADER_MAX_STRIPS)
 
 /* As upload.comp has it: one rectangle of one texture. */
@@ -83,9 +85,9 @@ static int create_buffers(struct clipmap_pass *pass, struct diag *diag)
 
 static int create_programs(struct clipmap_pass *pass, struct diag *diag)
 {
-    char defines[64];
-    snprintf(defines, sizeof(defines), "#define BLOCK %d\n#define TABLE %d\n", pass->shape.block,
-             clipmap_table(&pass->shape));
+    char defines[96];
+    snprintf(defines, sizeof(defines), "#define BLOCK %d\n#define TABLE %d\n#define LANES %d\n",
+             pass->shape.block, clipmap_table(&pass->shape), BOUNDS_LANES);
     const struct program_params upload = {.name = "upload", .defines = defines};
     const struct program_params bounds = {.name = "bounds", .defines = defines};
     int r = program_create(&upload, &pass->upload_program, diag);
@@ -149,13 +151,13 @@ void clipmap_pass_destroy(struct clipmap_pass *pass)
 enum texture_kind { HEIGHTS, SURFACES };
 
 static void add_rect(const struct clipmap_pass *pass, const struct upload *upload, unsigned *index,
-                     unsigned *groups, struct upload_rect rect)
+                     unsigned *groups, int group, struct upload_rect rect)
 {
     struct upload_block *block = mapped_buffer_part(&pass->upload_blocks, (unsigned)upload->slot);
     assert(*index < UPLOAD_RECTS);
     rect.first_group = (GLint)*groups;
     block->rects[(*index)++] = rect;
-    *groups += (unsigned)(rect.texels + UPLOAD_GROUP - 1) / UPLOAD_GROUP;
+    *groups += (unsigned)((rect.texels + group - 1) / group);
 }
 
 /* Adds the texels that lie row-major from `word` of the arena on to what has to be copied. */
@@ -165,7 +167,7 @@ static void add_texels(const struct clipmap_pass *pass, struct upload *upload,
     int texels = rect.rows * rect.cols, side = clipmap_storage(&pass->shape) << (kind == SURFACES);
     if (texels == 0)
         return;
-    add_rect(pass, upload, &upload->rects, &upload->groups,
+    add_rect(pass, upload, &upload->rects, &upload->groups, UPLOAD_GROUP,
              (struct upload_rect){.col0 = clipmap_wrapped(rect.col0, side),
                                   .row0 = clipmap_wrapped(rect.row0, side),
                                   .cols = rect.cols,
@@ -185,7 +187,7 @@ static void add_blocks(const struct clipmap_pass *pass, struct upload *upload,
     if (blocks.rows == 0)
         return;
     int table = clipmap_table(&pass->shape);
-    add_rect(pass, upload, &upload->ends, &upload->block_groups,
+    add_rect(pass, upload, &upload->ends, &upload->block_groups, BOUNDS_GROUP,
              (struct upload_rect){.col0 = blocks.col0 % table,
                                   .row0 = blocks.row0 % table,
                                   .cols = blocks.cols,

@@ -6,6 +6,7 @@
 #include "geo/cube.h"
 #include "geo/geographic.h"
 #include "render/detail.h"
+#include "render/query_wait.h"
 #include "render/renderer_internal.h"
 #include "render/scene.h"
 
@@ -13,6 +14,8 @@
 #define SHADE_GROUP   8      /* pixels a side of a work group of shade_compute.comp */
 #define NEAR_GROUND_M 1000.0 /* ground known so far from the eye counts as that below it */
 #define EARTH_M       6371e3
+#define SLEPT_SHARE   0.75 /* of the GPU's time for the last frame, before it is looked for */
+#define WAKE_MS       0.1  /* that a thread may take to wake */
 
 static double height_above_ground_m(const struct renderer *renderer, const struct geodetic *eye)
 {
@@ -290,6 +293,7 @@ void renderer_draw(struct renderer *renderer, struct view *view)
     entity_pass_draw(renderer->entity_pass, view);
     begin_pass(renderer, PASSES, NULL);
     glFlush();
+    renderer->flushed_ns = clock_monotonic_ns();
 }
 
 static double ms_between(const GLuint64 *marks_ns, enum pass first, enum pass end)
@@ -297,14 +301,24 @@ static double ms_between(const GLuint64 *marks_ns, enum pass first, enum pass en
     return (double)(marks_ns[end] - marks_ns[first]) * 1e-6;
 }
 
-/* The result of a query is there when the frame is: asking for it waits. (A fence would do as well,
- * but the driver allocates one for every frame.) */
+/* The result of a query is there when the frame is. (So is a fence, but the driver allocates one
+ * for every frame.) Most of the time that the last frame took is slept. */
+static void wait_for_frame(struct renderer *renderer)
+{
+    double sleep_ms = SLEPT_SHARE * renderer->last_gpu_ms - WAKE_MS;
+    if (!renderer->software)
+        query_wait(renderer->pass_queries[PASSES],
+                   renderer->flushed_ns + ns_from_seconds(1e-3 * sleep_ms));
+}
+
 void renderer_finish(struct renderer *renderer, struct renderer_frame *ret_frame)
 {
     GLuint64 marks_ns[PASS_MARKS] = {0};
+    wait_for_frame(renderer);
     for (int i = PASSES; i >= 0; i--)
         glGetQueryObjectui64v(renderer->pass_queries[i], GL_QUERY_RESULT, &marks_ns[i]);
     renderer->frame.gpu_ms = ms_between(marks_ns, PASS_UPLOAD, PASSES);
+    renderer->last_gpu_ms = renderer->frame.gpu_ms;
     renderer->frame.upload_ms = ms_between(marks_ns, PASS_UPLOAD, PASS_TERRAIN);
     renderer->frame.terrain_ms = ms_between(marks_ns, PASS_TERRAIN, PASS_SHADE);
     renderer->frame.shade_ms = ms_between(marks_ns, PASS_SHADE, PASSES);

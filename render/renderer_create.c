@@ -184,6 +184,7 @@ int renderer_create(const struct renderer_params *params, const struct gl_facts 
     renderer->width = params->width;
     renderer->height = params->height;
     renderer->samples = params->samples ? params->samples : 1;
+    renderer->software = facts->software;
     renderer->pixel_error = params->pixel_error > 0.0 ? params->pixel_error : 1.0;
     renderer->shape = params->shape;
     renderer->posts_most = params->posts_most > 0.0 ? params->posts_most : params->shape.radius;

@@ -3,6 +3,7 @@
 
 #include <epoxy/gl.h>
 
+#include "base/clock.h"
 #include "render/clipmap_pass.h"
 #include "render/entity_pass.h"
 #include "render/image_pass.h"
@@ -36,6 +37,9 @@ struct renderer {
     int select_groups; /* of the blocks that may be drawn: scene_set_levels() */
     bool debug_groups;
     GLuint pass_queries[PASS_MARKS];
+    bool software; /* its driver's wait is the best there is */
+    nsec_t flushed_ns;
+    double last_gpu_ms;
     size_t upload_bytes, terrain_bytes;         /* that a frame copies at most; of terrain */
     struct loader_update *next;                 /* taken, but too much for the last frame */
     struct loader_update *held[LOADER_UPDATES]; /* being copied from by this frame */

@@ -4,18 +4,21 @@
 #include <stdlib.h>
 
 #include "base/clock.h"
+#include "render/query_wait.h"
 
 struct technique_timer {
     GLuint marks[TECHNIQUE_MARKS], triangles;
     nsec_t start_ns, start_cpu_ns;
+    bool software;
     struct technique_cost cost;
 };
 
-struct technique_timer *technique_timer_create(void)
+struct technique_timer *technique_timer_create(bool software)
 {
     struct technique_timer *timer = calloc(1, sizeof(*timer));
     if (!timer)
         return NULL;
+    timer->software = software;
     glCreateQueries(GL_TIMESTAMP, TECHNIQUE_MARKS, timer->marks);
     glCreateQueries(GL_PRIMITIVES_GENERATED, 1, &timer->triangles);
     return timer;
@@ -49,6 +52,17 @@ static void read_results(struct technique_timer *timer)
     cost->triangles = triangles;
 }
 
+/* As the renderer waits for its own frames. */
+static void wait_for_frame(const struct technique_timer *timer)
+{
+    if (timer->software) {
+        glFinish();
+        return;
+    }
+    glFlush();
+    query_wait(timer->marks[MARK_END], clock_monotonic_ns());
+}
+
 void technique_timer_mark(struct technique_timer *timer, enum technique_mark mark)
 {
     if (!timer)
@@ -66,7 +80,7 @@ void technique_timer_mark(struct technique_timer *timer, enum technique_mark mar
     if (mark != MARK_END)
         return;
     timer->cost.cpu_ms = milliseconds_from_ns(clock_thread_cpu_ns() - timer->start_cpu_ns);
-    glFinish();
+    wait_for_frame(timer);
     timer->cost.frame_ms = milliseconds_from_ns(clock_monotonic_ns() - timer->start_ns);
     read_results(timer);
 }

@@ -1,6 +1,7 @@
 /* What a frame by a technique costs. All calls in the thread that holds the GL context. */
 #pragma once
 
+#include <stdbool.h>
 #include <stdint.h>
 
 struct technique_cost {
@@ -20,8 +21,8 @@ static inline double technique_terrain_ms(const struct technique_cost *cost)
 
 struct technique_timer;
 
-/* Returns NULL without memory. */
-struct technique_timer *technique_timer_create(void);
+/* `software`: of struct gl_facts. Returns NULL without memory. */
+struct technique_timer *technique_timer_create(bool software);
 /* Legal on NULL. */
 void technique_timer_destroy(struct technique_timer *timer);
 

@@ -408,6 +408,7 @@ static void syntax_errors_have_their_place(void)
     CHECK_CONTAINS(complaints("display: {width: 800\npose: {}\n"), "2:");
     CHECK_STRING(complaints("display:\n\twidth: 800\n"),
                  "2:1: a tab: lines are indented by spaces");
+    CHECK_CONTAINS(complaints("display:\r\twidth: 800\r"), "2:1: found character that cannot");
     CHECK_STRING(complaints("pose: {}\n---\nrecord: {}\n"),
                  "3:1: a second document; the file may hold only one");
     CHECK_CONTAINS(complaints("channel: {name: *nobody}\n"), "1:17: found undefined alias");
