@@ -1,11 +1,11 @@
 #include "daemon/bench_codec.h"
 
 #include <jansson.h>
-#include <signal.h>
 #include <stdio.h>
 #include <sysexits.h>
 
 #include "daemon/cli.h"
+#include "daemon/stop.h"
 #include "terrain/import_bench.h"
 
 enum { OPT_MAX_ERROR = 256, OPT_SCALE };
@@ -65,18 +65,6 @@ static const struct argp parser = {
            "the equator, 1 arc-second apart.",
 };
 
-static volatile sig_atomic_t stop_asked;
-
-static void on_signal(int number)
-{
-    stop_asked = 1;
-}
-
-static bool is_stopped(void)
-{
-    return stop_asked;
-}
-
 static const char *const keys[BENCH_CODECS] = {"database", "payloads", "lerc_zstd", "zstd", "png"};
 
 static double bits_a_sample(const struct import_bench_result *result, int codec)
@@ -129,10 +117,10 @@ static json_t *json_from_row(const struct import_bench_result *result, int codec
 static void on_done(void *user, const struct import_bench_result *result)
 {
     struct bench_options *options = user;
-    if (!options->json) {
+    if (!options->json && !cli_quiet())
         print_table(result, options->params.max_error_m);
+    if (!options->json)
         return;
-    }
     json_t *root = json_pack(
         "{s:o,s:s,s:i,s:i,s:f,s:f,s:b}", "raster", cli_json_text(result->raster), "type",
         result->type, "width", result->width, "height", result->height, "unit_m", result->scale_m,
@@ -145,13 +133,12 @@ static void on_done(void *user, const struct import_bench_result *result)
 int bench_codec_main(int argc, char **argv)
 {
     struct bench_options options = {
-        .params = {.max_error_m = 0.5, .stop = is_stopped, .done = on_done}};
+        .params = {.max_error_m = 0.5, .stop = stop_asked, .done = on_done}};
     struct diag diag = {.text = ""};
     cli_parse(&parser, "bench codec", argc, argv, &options);
     options.params.user = &options;
     options.results = json_array();
-    signal(SIGINT, on_signal);
-    signal(SIGTERM, on_signal);
+    stop_on_signals();
     int r = 0;
     for (int i = 0; r == 0 && i < options.raster_count; i++)
         r = import_bench(options.rasters[i], &options.params, &diag);

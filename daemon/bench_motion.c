@@ -162,7 +162,7 @@ static int measure_rate(struct motion_options *options, struct motion_trial_para
             return r;
         if (options->json)
             json_array_append_new(options->results, json_row(trial, &result));
-        else
+        else if (!cli_quiet())
             print_row(trial, &result);
     }
     return 0;
@@ -175,14 +175,14 @@ static int measure_protocol(struct motion_options *options, enum pose_protocol p
     trial.protocol = protocol;
     bool bus = protocol == POSE_PROTOCOL_CANAEROSPACE;
     int r = 0;
-    if (!options->json)
+    if (!options->json && !cli_quiet())
         print_heading(&trial);
     for (size_t i = 0; i < (bus ? 1 : RATES) && r == 0; i++) {
         trial.position_every = bus ? ATTITUDE_EVERY : 1;
         trial.rate_hz = trial.position_every * rates_hz[i];
         r = measure_rate(options, &trial, diag);
     }
-    if (!options->json)
+    if (!options->json && !cli_quiet())
         putchar('\n');
     return r;
 }

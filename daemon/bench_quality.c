@@ -279,7 +279,7 @@ static int fly(struct run *run, struct diag *diag)
     double duration_ns = (double)flight_duration_ns(run->flight);
     for (unsigned i = 0; i < frames; i++) {
         double share = frames > 1 ? (double)i / (frames - 1) : 0.0;
-        if (isatty(STDERR_FILENO))
+        if (isatty(STDERR_FILENO) && !cli_quiet())
             fprintf(stderr, "\rframe %u of %u%s", i + 1, frames, i + 1 == frames ? "\n" : "");
         int r = judge_frame(run, (nsec_t)(share * duration_ns), diag);
         if (r < 0)
@@ -427,8 +427,10 @@ int bench_quality_main(int argc, char **argv)
     int r = run_open(&run, &diag);
     if (r == 0)
         r = fly(&run, &diag);
-    if (r == 0)
-        (run.options.json ? print_json : print_table)(&run);
+    if (r == 0 && run.options.json)
+        print_json(&run);
+    else if (r == 0 && !cli_quiet())
+        print_table(&run);
     run_close(&run);
     return r < 0 ? cli_fail(r, &diag) : EX_OK;
 }

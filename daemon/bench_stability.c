@@ -288,7 +288,7 @@ static int measure(const struct stability_options *options, const struct stabili
                                flight->what, "pixels", (json_int_t)tally.pixels, "pixels_judged",
                                (json_int_t)tally.motion_px.count, "px_per_frame",
                                json_motion(&px, 1.0), "px_per_second", json_motion(&px, RATE_HZ)));
-    else
+    else if (!cli_quiet())
         print_row(flight, judged, &px);
     samples_finish(&tally.motion_px);
     return 0;
@@ -323,7 +323,7 @@ int bench_stability_main(int argc, char **argv)
         r = channel_create(&options.channel, &channel, &diag);
     if (r == 0)
         r = stability_create(options.channel.width, options.channel.height, &stability, &diag);
-    if (r == 0 && !options.json)
+    if (r == 0 && !options.json && !cli_quiet())
         print_heading(&options, channel_gl(channel));
     for (size_t i = 0; r == 0 && i < FLIGHTS; i++)
         if (!options.only || options.only == &flights[i])

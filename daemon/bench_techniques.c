@@ -429,7 +429,7 @@ int bench_techniques_main(int argc, char **argv)
     }
     if (r == 0 && comparing.options.json)
         technique_report_print_json(&comparing.report, stdout);
-    else if (r == 0)
+    else if (r == 0 && !cli_quiet())
         technique_report_print(&comparing.report);
     close_all(&comparing);
     return r < 0 ? cli_fail(r, &diag) : EX_OK;

@@ -10,7 +10,7 @@
 
 struct check_options {
     const char *path;
-    bool json, quiet;
+    bool json;
 };
 
 static error_t parse_option(int key, char *argument, struct argp_state *state)
@@ -20,9 +20,6 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
     case 'j':
         options->json = true;
         return 0;
-    case 'q':
-        options->quiet = true;
-        return 0;
     default:
         return cli_argument(key, argument, state, "FILE", &options->path);
     }
@@ -30,7 +27,6 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
 
 static const struct argp_option options_known[] = {
     {"json", 'j', NULL, 0, "the errors as JSON", 0},
-    {"quiet", 'q', NULL, 0, "only the exit status", 0},
     {0},
 };
 
@@ -89,9 +85,9 @@ int check_config_main(int argc, char **argv)
     int r = config_load(options.path, &config, &errors);
     if (options.json)
         print_json(options.path, &errors);
-    else if (!options.quiet)
+    else if (!cli_quiet())
         check_config_print(stderr, &errors);
-    if (r == 0 && !options.json && !options.quiet)
+    if (r == 0 && !options.json && !cli_quiet())
         printf("%s: nothing is wrong\n", options.path);
     config_finish(&config);
     config_errors_finish(&errors);

@@ -1,12 +1,21 @@
 #include "daemon/cli.h"
 
+#include <assert.h>
 #include <errno.h>
 #include <jansson.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <sysexits.h>
+
+#include "base/clock.h"
+
+#define CHILDREN_MAX 4 /* parsers that a subcommand shares with others */
+
+static bool quiet, verbose;
+static nsec_t began_ns; /* when -v was read */
 
 int cli_exit_status(int error)
 {
@@ -134,10 +143,81 @@ error_t cli_argument(int key, char *argument, struct argp_state *state, const ch
     return 0;
 }
 
+bool cli_take_talk(int key)
+{
+    quiet |= key == 'q';
+    verbose |= key == 'v';
+    if (key == 'v')
+        began_ns = clock_monotonic_ns();
+    return key == 'q' || key == 'v';
+}
+
+bool cli_quiet(void)
+{
+    return quiet;
+}
+
+bool cli_verbose(void)
+{
+    return verbose;
+}
+
+static void tell_costs(void)
+{
+    struct rusage usage;
+    if (!verbose || getrusage(RUSAGE_SELF, &usage) < 0)
+        return;
+    double cpu_s = (double)(usage.ru_utime.tv_sec + usage.ru_stime.tv_sec) +
+                   1e-6 * (double)(usage.ru_utime.tv_usec + usage.ru_stime.tv_usec);
+    fprintf(stderr, "otwd: %.2f s, %.2f s of processor time, at most %ld MiB of memory\n",
+            seconds_from_ns(clock_monotonic_ns() - began_ns), cpu_s, usage.ru_maxrss / 1024);
+}
+
+int cli_conclude(int status)
+{
+    if (fflush(stdout) != 0 || ferror(stdout)) {
+        fprintf(stderr, "otwd: standard output: %s\n", strerror(errno));
+        status = status == EX_OK ? EX_IOERR : status;
+    }
+    tell_costs();
+    return status;
+}
+
+static error_t parse_talk(int key, char *argument, struct argp_state *state)
+{
+    return cli_take_talk(key) ? 0 : ARGP_ERR_UNKNOWN;
+}
+
+static const struct argp_option talk_options[] = {
+    {"quiet", 'q', NULL, 0, "say only what is wrong", -1},
+    {"verbose", 'v', NULL, 0, "say more on standard error, at last what the command took", -1},
+    {0},
+};
+
+static const struct argp talk = {.options = talk_options, .parser = parse_talk};
+
+static void parse(const struct argp *parser, unsigned flags, int argc, char **argv, void *input)
+{
+    struct argp_child children[CHILDREN_MAX + 2] = {0};
+    struct argp whole = *parser;
+    int count = 0;
+    for (; parser->children && parser->children[count].argp; count++)
+        children[count] = parser->children[count];
+    assert(count <= CHILDREN_MAX);
+    children[count] = (struct argp_child){.argp = &talk};
+    whole.children = children;
+    argp_parse(&whole, argc, argv, flags, NULL, input);
+}
+
 void cli_parse(const struct argp *parser, const char *name, int argc, char **argv, void *input)
 {
     static char shown[64];
     snprintf(shown, sizeof(shown), "otwd %s", name);
     argv[0] = shown;
-    argp_parse(parser, argc, argv, 0, NULL, input);
+    parse(parser, 0, argc, argv, input);
+}
+
+void cli_parse_before(const struct argp *parser, int argc, char **argv, void *input)
+{
+    parse(parser, ARGP_SILENT, argc, argv, input);
 }

@@ -32,5 +32,23 @@ void cli_size(struct argp_state *state, const char *text, int *ret_width, int *r
 error_t cli_argument(int key, char *argument, struct argp_state *state, const char *name,
                      const char **ret_argument);
 
-/* Runs argp over a subcommand: argv[0] is "otwd NAME" in usage lines. */
+/* Runs argp over a subcommand, which has -q and -v beside its own options: argv[0] is "otwd NAME"
+ * in usage lines. */
 void cli_parse(const struct argp *parser, const char *name, int argc, char **argv, void *input);
+
+/* The same, without a word on what is wrong: for options that have to be known before the rest. */
+void cli_parse_before(const struct argp *parser, int argc, char **argv, void *input);
+
+/* Takes -q or -v where another parser has read it; false: the key is neither. */
+bool cli_take_talk(int key);
+
+/* Whether -q was given: nothing is said but what is wrong, and what was asked for as JSON. */
+bool cli_quiet(void);
+
+/* Whether -v was given. */
+bool cli_verbose(void);
+
+/* The end of a program: the status that it exits with, as output that was lost is a failure,
+ * however well the rest went. With -v says on stderr what the command took: time, processor time,
+ * memory. */
+int cli_conclude(int status);

@@ -19,7 +19,7 @@ enum { OPT_OUT = 256, OPT_SIZE, OPT_RATE, OPT_NO_VIDEO };
 struct demo_options {
     struct replay_params params;
     const char *out;
-    bool video, quiet, json;
+    bool video, json;
 };
 
 static const struct argp_option known[] = {
@@ -28,7 +28,6 @@ static const struct argp_option known[] = {
     {"rate", OPT_RATE, "HZ", 0, "frames a second of flight (default 30)", 0},
     {"no-video", OPT_NO_VIDEO, NULL, 0, "leave the video out", 0},
     {"json", 'j', NULL, 0, "print the report as JSON", 0},
-    {"quiet", 'q', NULL, 0, "print errors only", 0},
     {0},
 };
 
@@ -36,9 +35,6 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
 {
     struct demo_options *options = state->input;
     switch (key) {
-    case 'q':
-        options->quiet = true;
-        return 0;
     case 'j':
         options->json = true;
         return 0;
@@ -65,7 +61,7 @@ static const struct argp parser = {
     .doc =
         "Fly the embedded flight headless over the embedded planet: pictures, a video, a report."
         "\vExit status: 0 flown, 64 bad usage, 66 no geoid, 69 no OpenGL 4.5, 74 a file cannot be "
-        "written.",
+        "written, 75 interrupted.",
 };
 
 static int fly(struct demo_options *options, struct diag *diag)
@@ -95,9 +91,10 @@ static int fly(struct demo_options *options, struct diag *diag)
                                &flight, diag);
     if (r == 0)
         r = replay_fly(flight, &params, &report, &facts, diag);
-    if (r == 0 && options->json) {
+    bool flown = r == 0 || r == -ECANCELED;
+    if (flown && options->json) {
         cli_print_json(report_json(&report, &facts));
-    } else if (r == 0 && !options->quiet) {
+    } else if (flown && !cli_quiet()) {
         replay_print_summary(&report, &facts);
         printf("pictures  %s\n", frames);
         if (options->video)
@@ -117,7 +114,7 @@ int demo_main(int argc, char **argv)
     options.params.rate_hz = 30.0;
     options.params.speed = 0.0;
     cli_parse(&parser, "demo", argc, argv, &options);
-    options.params.progress = options.params.progress && !options.quiet;
+    options.params.progress = options.params.progress && !cli_quiet();
     struct diag diag = {0};
     int r = fly(&options, &diag);
     return r < 0 ? cli_fail(r, &diag) : EX_OK;

@@ -81,9 +81,9 @@ static void tell_done(const struct dig_options *options, unsigned long long id)
 {
     if (options->json)
         printf("{\"stamp\": %llu, \"undone\": %u}\n", id, options->undo);
-    else if (!options->quiet && options->undo)
+    else if (!cli_quiet() && options->undo)
         printf("%s: %u undone\n", options->target, options->undo);
-    else if (!options->quiet)
+    else if (!cli_quiet())
         printf("%s: stamp %llu, %s\n", options->target, id, stamp_kind_name(options->stamp.kind));
 }
 

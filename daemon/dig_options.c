@@ -59,7 +59,6 @@ static const struct argp_option known[] = {
     {"undo", OPT_UNDO, "N", 0, "take the last N stamps away", 6},
     {NULL, 0, NULL, 0, "In any case:", 7},
     {"json", 'j', NULL, 0, "as JSON", 7},
-    {"quiet", 'q', NULL, 0, "print errors only", 7},
     {0},
 };
 
@@ -223,9 +222,6 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
         return 0;
     case 'j':
         options->json = true;
-        return 0;
-    case 'q':
-        options->quiet = true;
         return 0;
     case OPT_AT:
         take_place(state, "at", argument, &parsing->at_lat_deg, &parsing->at_lon_deg);

@@ -12,7 +12,7 @@ struct dig_options {
     const char *crs, *nodata;
     double scale;  /* metres that one of its units stands for */
     uint32_t undo; /* 0: nothing is undone */
-    bool list, json, quiet;
+    bool list, json;
 };
 
 /* Exits where the arguments are wrong. */

@@ -1,6 +1,7 @@
 /* `otwd height DB [LAT LON]`: terrain height at a place, or at every place of standard input. */
 #include <ctype.h>
 #include <errno.h>
+#include <jansson.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -20,11 +21,12 @@ enum { OPT_DATUM = 256, OPT_NORMAL };
 
 struct height_options {
     const char *database, *lat, *lon;
-    bool ellipsoid, normal;
+    bool ellipsoid, normal, json;
 };
 
 static const struct argp_option known[] = {
     {"datum", OPT_DATUM, "egm96|ellipsoid", 0, "what the answer is above (default egm96)", 0},
+    {"json", 'j', NULL, 0, "an object a line", 0},
     {"normal", OPT_NORMAL, NULL, 0, "also the surface's unit normal: east north up", 0},
     {0},
 };
@@ -37,6 +39,9 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
         if (strcmp(argument, "egm96") != 0 && strcmp(argument, "ellipsoid") != 0)
             argp_error(state, "--datum takes egm96 or ellipsoid, not \"%s\"", argument);
         options->ellipsoid = argument[1] == 'l';
+        return 0;
+    case 'j':
+        options->json = true;
         return 0;
     case OPT_NORMAL:
         options->normal = true;
@@ -69,6 +74,35 @@ static const struct argp parser = {
            "\vExit status: 0 answered, 64 bad usage, 65 a bad database or line, 66 no such file.",
 };
 
+static void print_text(const struct query_answer *answer, bool normal)
+{
+    if (isnan(answer->height_m))
+        fputs("nan", stdout);
+    else
+        printf("%.3f", answer->height_m);
+    if (normal)
+        printf(" %.6f %.6f %.6f", (double)answer->normal_enu[0], (double)answer->normal_enu[1],
+               (double)answer->normal_enu[2]);
+    putchar('\n');
+}
+
+/* Where there is no data the height is null. */
+static void print_object(const struct query_answer *answer, double lat_deg, double lon_deg,
+                         bool normal)
+{
+    json_t *height = isnan(answer->height_m) ? json_null() : json_real(answer->height_m);
+    json_t *root =
+        json_pack("{s:f,s:f,s:o}", "lat_deg", lat_deg, "lon_deg", lon_deg, "height_m", height);
+    if (root && normal)
+        json_object_set_new(root, "normal_enu",
+                            json_pack("[f,f,f]", (double)answer->normal_enu[0],
+                                      (double)answer->normal_enu[1],
+                                      (double)answer->normal_enu[2]));
+    json_dumpf(root, stdout, JSON_REAL_PRECISION(10));
+    putchar('\n');
+    json_decref(root);
+}
+
 static int answer(struct query *query, struct geoid *geoid, const struct height_options *options,
                   double lat_deg, double lon_deg)
 {
@@ -78,14 +112,10 @@ static int answer(struct query *query, struct geoid *geoid, const struct height_
         return r;
     if (geoid)
         answer.height_m += geoid_undulation_m(geoid, lat_deg, longitude_normalised_deg(lon_deg));
-    if (isnan(answer.height_m))
-        fputs("nan", stdout);
+    if (options->json)
+        print_object(&answer, lat_deg, lon_deg, options->normal);
     else
-        printf("%.3f", answer.height_m);
-    if (options->normal)
-        printf(" %.6f %.6f %.6f", (double)answer.normal_enu[0], (double)answer.normal_enu[1],
-               (double)answer.normal_enu[2]);
-    putchar('\n');
+        print_text(&answer, options->normal);
     fflush(stdout); /* whoever asks through a pipe waits for this line */
     return 0;
 }

@@ -13,13 +13,12 @@
 #include "daemon/cli.h"
 #include "daemon/import_report.h"
 #include "daemon/import_stamp.h"
+#include "daemon/stop.h"
 #include "daemon/version.h"
 #include "terrain/image_encode.h"
 
-static volatile sig_atomic_t stop_asked;
-
 struct display {
-    bool quiet, terminal;
+    bool terminal;
     nsec_t shown_ns, began_ns;
     uint64_t began_done; /* what an earlier run had done of the phase */
     bool finished;       /* its end was shown */
@@ -64,23 +63,18 @@ static bool on_progress(void *user, enum import_phase phase, const char *name, u
         display->finished = false;
     }
     snprintf(display->name, sizeof(display->name), "%s", name);
-    if (!display->quiet && (done >= total || now_ns - display->shown_ns > 100 * NSEC_PER_MSEC)) {
+    if (!cli_quiet() && (done >= total || now_ns - display->shown_ns > 100 * NSEC_PER_MSEC)) {
         show(display, name, done, total);
         display->shown_ns = now_ns;
         display->finished = done >= total;
     }
-    return stop_asked;
+    return stop_asked();
 }
 
 static void on_beyond(void *user, const char *source, const struct raster_beyond *beyond)
 {
     struct display *display = user;
     import_report_beyond(display->beyond, source, beyond);
-}
-
-static void on_signal(int number)
-{
-    stop_asked = 1;
 }
 
 static int import_and_report(const struct arguments *arguments, json_t *beyond, struct diag *diag)
@@ -90,39 +84,28 @@ static int import_and_report(const struct arguments *arguments, json_t *beyond, 
     return r == 0 ? import_report(arguments, &result, beyond, diag) : r;
 }
 
-/* Output that was lost is a failure. */
-static int close_output(int status)
-{
-    if (status != EX_OK || (fflush(stdout) == 0 && !ferror(stdout)))
-        return status;
-    fprintf(stderr, "otwd-import: standard output: %s\n", strerror(errno));
-    return EX_IOERR;
-}
-
 int main(int argc, char **argv)
 {
     argp_program_version = "otwd " OTWD_VERSION " (" OTWD_COMMIT ")";
     if (argc > 1 && strcmp(argv[1], "--bench-codec") == 0)
-        return close_output(bench_codec_main(argc - 1, argv + 1));
+        return cli_conclude(bench_codec_main(argc - 1, argv + 1));
     if (argc > 1 && strcmp(argv[1], "--stamp") == 0)
-        return close_output(stamp_main(argc - 1, argv + 1));
+        return cli_conclude(stamp_main(argc - 1, argv + 1));
     struct arguments arguments = {.import = {.fill_posts = IMPORT_FILL_DEFAULT},
                                   .imagery = {.quality = IMAGE_QUALITY_DEFAULT}};
     struct diag diag = {.text = ""};
     int r = import_parse_arguments(argc, argv, &arguments);
     if (r != 0 || arguments.done) {
         import_finish_arguments(&arguments);
-        return close_output(r);
+        return cli_conclude(r);
     }
-    struct display display = {.quiet = arguments.quiet,
-                              .terminal = isatty(STDERR_FILENO),
+    struct display display = {.terminal = isatty(STDERR_FILENO),
                               .began_ns = clock_monotonic_ns(),
                               .beyond = json_array()};
     arguments.import.progress = on_progress;
     arguments.import.beyond = on_beyond;
     arguments.import.user = &display;
-    signal(SIGINT, on_signal);
-    signal(SIGTERM, on_signal);
+    stop_on_signals();
     signal(SIGXFSZ, SIG_IGN); /* a file that may not grow is an error like a full disk */
     struct verification verification = {.arguments = &arguments};
     r = arguments.verified
@@ -132,9 +115,9 @@ int main(int argc, char **argv)
     json_decref(display.beyond);
     import_finish_arguments(&arguments);
     if (r == 0)
-        return close_output(verification.beyond ? EX_DATAERR : EX_OK);
-    if (display.terminal && !arguments.quiet)
+        return cli_conclude(verification.beyond ? EX_DATAERR : EX_OK);
+    if (display.terminal && !cli_quiet())
         fputc('\n', stderr);
     fprintf(stderr, "otwd-import: %s\n", diag.text[0] ? diag.text : strerror(-r));
-    return cli_exit_status(r);
+    return cli_conclude(cli_exit_status(r));
 }

@@ -10,6 +10,8 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "daemon/cli.h"
+
 static const char usage[] =
     "usage: otwd import SRC... -o DB [options]\n"
     "\n"
@@ -46,7 +48,8 @@ static const char usage[] =
     "      --shard I/N        only the I-th of N parts of the work; otwd merge puts the files "
     "together\n"
     "      --json             print the result as JSON\n"
-    "  -q, --quiet            no progress\n"
+    "  -q, --quiet            say only what is wrong\n"
+    "  -v, --verbose          say at last what it took\n"
     "  -h, --help  --version\n";
 
 enum long_option {
@@ -91,6 +94,7 @@ static const struct option long_options[] = {
     {"quality", required_argument, NULL, OPTION_QUALITY},
     {"json", no_argument, NULL, OPTION_JSON},
     {"quiet", no_argument, NULL, 'q'},
+    {"verbose", no_argument, NULL, 'v'},
     {"help", no_argument, NULL, 'h'},
     {"version", no_argument, NULL, OPTION_VERSION},
     {NULL, 0, NULL, 0},
@@ -363,7 +367,8 @@ static int take_option(struct arguments *arguments, int option)
         arguments->json = true;
         return 0;
     case 'q':
-        arguments->quiet = true;
+    case 'v':
+        cli_take_talk(option);
         return 0;
     case 'h':
         fputs(usage, stdout);
@@ -382,7 +387,7 @@ int import_parse_arguments(int argc, char **argv, struct arguments *arguments)
 {
     int option, r = 0;
     while (r == 0 && !arguments->done &&
-           (option = getopt_long(argc, argv, "o:j:qh", long_options, NULL)) != -1)
+           (option = getopt_long(argc, argv, "o:j:qvh", long_options, NULL)) != -1)
         r = take_option(arguments, option);
     for (int i = optind; r == 0 && !arguments->done && i < argc; i++)
         r = add_input(arguments, argv[i], &arguments->options);

@@ -12,8 +12,8 @@ struct arguments {
     char **lines; /* of lists: what inputs point into; owned */
     size_t line_count;
     double max_error_m;
-    const char *verified;   /* a database to compare the sources with; NULL: import them */
-    bool json, quiet, done; /* done: help or version was printed */
+    const char *verified; /* a database to compare the sources with; NULL: import them */
+    bool json, done;      /* done: help or version was printed */
 };
 
 /* Returns 0, or the exit status after saying what is wrong. Finished by the caller in any case. */

@@ -45,7 +45,7 @@ static int report_heights(const struct arguments *arguments, const struct import
                             "south_deg", info.south_deg, "west_deg", info.west_deg, "north_deg",
                             info.north_deg, "east_deg", info.east_deg));
         print_json(root);
-    } else if (!arguments->quiet) {
+    } else if (!cli_quiet()) {
         print_counts(result);
         printf("; %d levels, %llu posts, %llu bytes, %.3f bytes a post\n", info.levels,
                (unsigned long long)info.posts, (unsigned long long)info.file_bytes,
@@ -91,7 +91,7 @@ static int report_imagery(const struct arguments *arguments, const struct import
             root, json_pack("{s:o,s:I,s:I}", "layer", cli_json_text(result->layer), "tiles",
                             (json_int_t)all.tiles, "bytes", (json_int_t)all.bytes));
         print_json(root);
-    } else if (!arguments->quiet) {
+    } else if (!cli_quiet()) {
         print_counts(result);
         printf("; layer %s: %llu tiles, %llu bytes\n", result->layer, (unsigned long long)all.tiles,
                (unsigned long long)all.bytes);
@@ -105,7 +105,7 @@ int import_report(const struct arguments *arguments, const struct import_result 
     const struct import_params *params = &arguments->import;
     struct database *database = NULL;
     if (params->shard_count) {
-        if (!arguments->quiet)
+        if (!cli_quiet())
             printf("shard %u/%u: %s\n", params->shard + 1, params->shard_count, params->database);
         return 0;
     }
@@ -157,9 +157,9 @@ int import_report_comparison(void *user, const char *source,
                              (json_int_t)comparison->feathered, "beyond",
                              (json_int_t)comparison->beyond, "worst_m", comparison->worst_m,
                              "max_error_m", comparison->max_error_m));
-    else if (!arguments->quiet)
+    else if (!cli_quiet())
         print_comparison(source, comparison);
-    if (comparison->beyond && !arguments->quiet)
+    if (comparison->beyond && !cli_quiet())
         fprintf(stderr, "otwd-import: %s: %s\n", source, comparison->first.text);
     return 0;
 }

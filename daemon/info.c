@@ -196,7 +196,7 @@ int info_main(int argc, char **argv)
         r = database_list_layers(database, &layers, &diag);
     if (r == 0 && options.json) {
         r = print_json(database, &info, &layers, &diag);
-    } else if (r == 0) {
+    } else if (r == 0 && !cli_quiet()) {
         print_info(&info);
         r = print_layers(database, &info, &layers, &diag);
     }

@@ -52,15 +52,6 @@ static void guard_streams(void)
             open("/dev/null", fd == STDIN_FILENO ? O_WRONLY : O_RDONLY);
 }
 
-/* Output that was lost is a failure, however well the rest went. */
-static int close_output(int status)
-{
-    if (fflush(stdout) == 0 && !ferror(stdout))
-        return status;
-    fprintf(stderr, "otwd: standard output: %s\n", strerror(errno));
-    return status == EX_OK ? EX_IOERR : status;
-}
-
 int main(int argc, char **argv)
 {
     const char *name = argc > 1 ? argv[1] : "";
@@ -68,15 +59,15 @@ int main(int argc, char **argv)
     argp_program_version = "otwd " OTWD_VERSION " (" OTWD_COMMIT ")";
     if (strcmp(name, "--version") == 0) {
         puts(argp_program_version);
-        return close_output(EX_OK);
+        return cli_conclude(EX_OK);
     }
     if (strcmp(name, "--help") == 0 || strcmp(name, "-h") == 0 || strcmp(name, "help") == 0) {
         print_usage(stdout);
-        return close_output(EX_OK);
+        return cli_conclude(EX_OK);
     }
     for (size_t i = 0; i < COMMANDS; i++)
         if (strcmp(name, commands[i].name) == 0)
-            return close_output(commands[i].main(argc - 1, argv + 1));
+            return cli_conclude(commands[i].main(argc - 1, argv + 1));
     if (*name)
         fprintf(stderr, "otwd: there is no command \"%s\"; `otwd --help` lists them\n", name);
     else

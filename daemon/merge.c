@@ -7,20 +7,21 @@
 
 #include "daemon/cli.h"
 #include "daemon/commands.h"
+#include "daemon/stop.h"
 #include "terrain/merge.h"
+
+enum { OPT_JSON = 256 };
 
 struct merge_options {
     const char *database, **shards;
     size_t count;
     unsigned jobs;
-    bool quiet;
+    bool json;
 };
-
-static volatile sig_atomic_t stop_asked;
 
 static const struct argp_option known[] = {
     {"jobs", 'j', "N", 0, "threads (one for each processor)", 0},
-    {"quiet", 'q', NULL, 0, "no summary", 0},
+    {"json", OPT_JSON, NULL, 0, "print what was made as JSON", 0},
     {0},
 };
 
@@ -31,8 +32,8 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
     case 'j':
         options->jobs = (unsigned)cli_number(state, "jobs", argument, 1, 64);
         return 0;
-    case 'q':
-        options->quiet = true;
+    case OPT_JSON:
+        options->json = true;
         return 0;
     case ARGP_KEY_ARG:
         if (!options->database)
@@ -59,14 +60,9 @@ static const struct argp parser = {
            "shards, 66 no such file, 74 input or output failed, 75 interrupted.",
 };
 
-static void on_signal(int number)
-{
-    stop_asked = 1;
-}
-
 static bool on_progress(void *user, uint64_t done, uint64_t total)
 {
-    return stop_asked;
+    return stop_asked();
 }
 
 int merge_main(int argc, char **argv)
@@ -76,12 +72,14 @@ int merge_main(int argc, char **argv)
     if (!options.shards)
         return EX_OSERR;
     cli_parse(&parser, "merge", argc, argv, &options);
-    signal(SIGINT, on_signal);
-    signal(SIGTERM, on_signal);
+    stop_on_signals();
     signal(SIGXFSZ, SIG_IGN); /* a file that may not grow is an error like a full disk */
     int r = merge_shards(options.database, options.shards, options.count, options.jobs, on_progress,
                          NULL, &diag);
-    if (r == 0 && !options.quiet)
+    if (r == 0 && options.json)
+        cli_print_json(json_pack("{s:o,s:I}", "database", cli_json_text(options.database), "shards",
+                                 (json_int_t)options.count));
+    else if (r == 0 && !cli_quiet())
         printf("%s: %zu shards\n", options.database, options.count);
     free(options.shards);
     return r < 0 ? cli_fail(r, &diag) : EX_OK;

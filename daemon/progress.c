@@ -3,13 +3,17 @@
 #include <stdio.h>
 #include <unistd.h>
 
+#include "daemon/cli.h"
+
 void progress_init(struct progress *progress)
 {
-    *progress = (struct progress){isatty(STDERR_FILENO), clock_monotonic_ns()};
+    *progress = (struct progress){cli_quiet(), isatty(STDERR_FILENO), clock_monotonic_ns()};
 }
 
 void progress_tell(struct progress *progress, const char *what, int done, int of)
 {
+    if (progress->quiet)
+        return;
     if (progress->terminal)
         fprintf(stderr, "\r\033[K%s: %d of %d", what, done, of);
     if (done < of)

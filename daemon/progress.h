@@ -7,11 +7,11 @@
 #include "base/clock.h"
 
 struct progress {
-    bool terminal;
+    bool quiet, terminal;
     nsec_t began_ns; /* what is being done */
 };
 
-/* The first thing begins. */
+/* The first thing begins. With -q nothing is told. */
 void progress_init(struct progress *progress);
 /* `done` of `of` steps of a thing, which ends with its last step; the next begins then. */
 void progress_tell(struct progress *progress, const char *what, int done, int of);

@@ -7,6 +7,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "daemon/stop.h"
+
 #define REPORT_PICTURES 6
 
 nsec_t replay_utc_ns(const struct flight *flight)
@@ -109,7 +111,8 @@ static int fly_frames(const struct flight *flight, const struct replay_params *p
     struct arrival arrival = {0};
     nsec_t start_ns = clock_monotonic_ns();
     warm_up(channel, flight, utc_ns);
-    for (uint64_t i = 0; i < frames; i++) {
+    stop_on_signals();
+    for (uint64_t i = 0; i < frames && !stop_asked(); i++) {
         struct pose pose, next;
         struct channel_frame frame;
         nsec_t time_ns = flight_time_ns(params, i);
@@ -198,6 +201,9 @@ int replay_fly(const struct flight *flight, const struct replay_params *params,
     r = flown < 0 ? flown : r;
     if (r == 0 && params->report_dir)
         r = output_error(report_write(ret_report, ret_facts, params->report_dir, diag));
+    if (r == 0 && stop_asked())
+        r = diag_set(diag, -ECANCELED, "interrupted after %zu of %llu frames", ret_report->count,
+                     (unsigned long long)frames);
     return r;
 }
 

@@ -18,7 +18,8 @@ struct replay_params {
     bool progress; /* on stderr */
 };
 
-/* Flies the whole flight. The report is the caller's, to be finished also on failure. */
+/* Flies the whole flight; -ECANCELED where SIGINT or SIGTERM ended it before, with the report of
+ * what was flown. The report is the caller's, to be finished also on failure. */
 int replay_fly(const struct flight *flight, const struct replay_params *params,
                struct report *ret_report, struct report_facts *ret_facts, struct diag *diag);
 

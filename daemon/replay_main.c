@@ -32,7 +32,7 @@ struct replay_options {
     struct replay_params params;
     const char *flight, *config_path;
     struct config config;
-    bool have_config, force_protocol, json, quiet;
+    bool have_config, force_protocol, json;
     enum pose_protocol protocol;
 };
 
@@ -55,7 +55,6 @@ static const struct argp_option known[] = {
     {"protocol", OPT_PROTOCOL, "NAME", 0,
      "of a pcap: native, flightgear, xplane or dis (default: found out packet by packet)", 0},
     {"json", OPT_JSON, NULL, 0, "print the report as JSON", 0},
-    {"quiet", 'q', NULL, 0, "print errors only", 0},
     {0},
 };
 
@@ -90,9 +89,6 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
         return 0;
     case 'c':
         return 0; /* taken before */
-    case 'q':
-        options->quiet = true;
-        return 0;
     case OPT_RATE:
         params->rate_hz = cli_number(state, "rate", argument, 0.1, 1000.0);
         return 0;
@@ -145,7 +141,8 @@ static const struct argp parser = {
     .doc =
         "Replay a recorded flight headless: a recording (.otwlog), CSV, pcap, candump log or IGC."
         "\vExit status: 0 flown, 64 bad usage, 65 not a flight or a bad database, 66 a file is "
-        "missing, 69 no OpenGL 4.5, 74 a file cannot be written, 78 a bad configuration.",
+        "missing, 69 no OpenGL 4.5, 74 a file cannot be written, 75 interrupted, 78 a bad "
+        "configuration.",
 };
 
 /* Finds -c before argp runs, because options override the configuration. */
@@ -192,7 +189,7 @@ static int load_flight(const struct replay_options *options, struct flight **ret
         params.table = &table;
     }
     r = flight_load(options->flight, &params, ret_flight, diag);
-    if (r == 0 && (*ret_flight)->note.text[0] && !options->quiet)
+    if (r == 0 && (*ret_flight)->note.text[0] && !cli_quiet())
         fprintf(stderr, "otwd: %s\n", (*ret_flight)->note.text);
     geoid_close(geoid);
     return r;
@@ -201,10 +198,10 @@ static int load_flight(const struct replay_options *options, struct flight **ret
 int replay_main(int argc, char **argv)
 {
     struct replay_options options = {.params = replay_defaults()};
-    argp_parse(&config_parser, argc, argv, ARGP_SILENT, NULL, &options);
+    cli_parse_before(&config_parser, argc, argv, &options);
     cli_parse(&parser, "replay", argc, argv, &options);
     options.params.flight_name = options.flight;
-    options.params.progress = options.params.progress && !options.quiet;
+    options.params.progress = options.params.progress && !cli_quiet();
     struct diag diag = {0};
     struct flight *flight = NULL;
     struct report report = {0};
@@ -212,11 +209,11 @@ int replay_main(int argc, char **argv)
     int r = load_flight(&options, &flight, &diag);
     if (r == 0)
         r = replay_fly(flight, &options.params, &report, &facts, &diag);
-    if (r == 0 && options.json) {
+    bool flown = r == 0 || r == -ECANCELED;
+    if (flown && options.json)
         cli_print_json(report_json(&report, &facts));
-    } else if (r == 0 && !options.quiet) {
+    else if (flown && !cli_quiet())
         replay_print_summary(&report, &facts);
-    }
     report_finish(&report);
     flight_destroy(flight);
     if (options.have_config)

@@ -11,13 +11,10 @@
 
 struct run_options {
     const char *config_path;
-    enum log_level level;
 };
 
 static const struct argp_option known[] = {
     {"config", 'c', "FILE", 0, "the configuration (default: every key has its default)", 0},
-    {"verbose", 'v', NULL, 0, "say more", 0},
-    {"quiet", 'q', NULL, 0, "say only what is wrong", 0},
     {0},
 };
 
@@ -27,12 +24,6 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
     switch (key) {
     case 'c':
         options->config_path = argument;
-        return 0;
-    case 'v':
-        options->level = LOG_LEVEL_DEBUG;
-        return 0;
-    case 'q':
-        options->level = LOG_LEVEL_WARNING;
         return 0;
     default:
         return cli_argument(key, argument, state, NULL, NULL);
@@ -52,7 +43,7 @@ static const struct argp parser = {
 
 int run_main(int argc, char **argv)
 {
-    struct run_options options = {.level = LOG_LEVEL_INFO};
+    struct run_options options = {0};
     struct config config = {0};
     struct config_errors errors = {0};
     struct service *service = NULL;
@@ -63,7 +54,10 @@ int run_main(int argc, char **argv)
     config_errors_finish(&errors);
     if (r < 0)
         return check_config_exit_status(r);
-    log_init(&(struct log_params){.level = options.level, .channel = config.channel.name});
+    enum log_level level = cli_verbose() ? LOG_LEVEL_DEBUG
+                           : cli_quiet() ? LOG_LEVEL_WARNING
+                                         : LOG_LEVEL_INFO;
+    log_init(&(struct log_params){.level = level, .channel = config.channel.name});
     log_info("otwd %s (%s)", OTWD_VERSION, OTWD_COMMIT);
     params.config_path = options.config_path;
     int status = service_create(&params, &service);

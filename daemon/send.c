@@ -1,6 +1,5 @@
 /* `otwd send FLIGHT --to URL`: plays a flight as a host would. */
 #include <errno.h>
-#include <signal.h>
 #include <stdio.h>
 #include <string.h>
 #include <sysexits.h>
@@ -8,6 +7,7 @@
 #include "daemon/cli.h"
 #include "daemon/commands.h"
 #include "daemon/geoid_function.h"
+#include "daemon/stop.h"
 #include "io/cigi_sender.h"
 #include "io/sender.h"
 
@@ -29,10 +29,8 @@ struct send_options {
     struct send_params params;
     struct cigi_send_params cigi; /* where params.protocol says so */
     const char *flight, *url;
-    bool quiet, json;
+    bool json;
 };
-
-static atomic_bool stopping;
 
 static const struct argp_option known[] = {
     {"to", OPT_TO, "URL", 0, "udp://HOST:PORT, can:INTERFACE or sim:PATH", 0},
@@ -52,7 +50,6 @@ static const struct argp_option known[] = {
      "CIGI: where Start of Frame comes to (default 127.0.0.1:8005)", 0},
     {"database", OPT_DATABASE, "N", 0, "CIGI: the database to ask for first, 1 to 127", 0},
     {"json", 'j', NULL, 0, "print what was sent as JSON", 0},
-    {"quiet", 'q', NULL, 0, "print errors only", 0},
     {0},
 };
 
@@ -88,9 +85,6 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
     struct send_options *options = state->input;
     struct send_params *params = &options->params;
     switch (key) {
-    case 'q':
-        options->quiet = true;
-        return 0;
     case 'j':
         options->json = true;
         return 0;
@@ -149,12 +143,6 @@ static const struct argp parser = {
            "cannot be reached.",
 };
 
-static void stop(int signal_number)
-{
-    (void)signal_number;
-    atomic_store(&stopping, true);
-}
-
 static bool is_can(const char *url)
 {
     return strncmp(url, "can:", 4) == 0 || strncmp(url, "sim:", 4) == 0;
@@ -168,12 +156,13 @@ static int send_poses(const struct flight *flight, const struct send_options *op
     int r = send_schedule_create(flight, &options->params, &schedule, diag);
     if (r < 0)
         return r;
-    r = send_run(schedule, options->url, options->params.protocol, &stopping, &result, diag);
+    r = send_run(schedule, options->url, options->params.protocol, stop_on_signals(), &result,
+                 diag);
     if (r == 0 && options->json)
         cli_print_json(json_pack("{s:I, s:I, s:I}", "sent", (json_int_t)result.sent, "left_out",
                                  (json_int_t)schedule->left_out, "refused",
                                  (json_int_t)result.failed));
-    else if (r == 0 && !options->quiet)
+    else if (r == 0 && !cli_quiet())
         printf("%llu packets sent, %llu left out, %llu refused\n", (unsigned long long)result.sent,
                (unsigned long long)schedule->left_out, (unsigned long long)result.failed);
     /* A refusal is heard of at the next packet, so of those to a closed port about half are. */
@@ -188,14 +177,14 @@ static int send_cigi(const struct flight *flight, struct send_options *options, 
     struct cigi_send_result result;
     options->cigi.rate_hz = options->params.rate_hz;
     options->cigi.speed = options->params.speed;
-    int r = cigi_send_run(flight, options->url, &options->cigi, &stopping, &result, diag);
+    int r = cigi_send_run(flight, options->url, &options->cigi, stop_on_signals(), &result, diag);
     if (r == 0 && options->json)
         cli_print_json(json_pack("{s:I, s:I, s:I, s:I, s:I, s:I}", "sent", (json_int_t)result.sent,
                                  "refused", (json_int_t)result.failed, "starts_of_frame",
                                  (json_int_t)result.starts, "gaps", (json_int_t)result.gaps,
                                  "starts_refused", (json_int_t)result.refused, "not_in_step",
                                  (json_int_t)result.unheld));
-    else if (r == 0 && !options->quiet)
+    else if (r == 0 && !cli_quiet())
         printf("%llu messages sent, %llu refused; %llu Starts of Frame, %llu gaps in their "
                "numbers, %llu refused, %llu not in step\n",
                (unsigned long long)result.sent, (unsigned long long)result.failed,
@@ -212,8 +201,6 @@ int send_main(int argc, char **argv)
     if (options.params.protocol == POSE_PROTOCOLS)
         options.params.protocol =
             is_can(options.url) ? POSE_PROTOCOL_CANAEROSPACE : POSE_PROTOCOL_NATIVE;
-    signal(SIGINT, stop);
-    signal(SIGTERM, stop);
     struct diag diag = {0};
     struct geoid *geoid = NULL;
     struct flight *flight = NULL;
@@ -222,7 +209,7 @@ int send_main(int argc, char **argv)
     struct flight_params flight_params = {.geoid = options.params.geoid};
     if (r == 0)
         r = flight_load(options.flight, &flight_params, &flight, &diag);
-    if (flight && flight->note.text[0] && !options.quiet)
+    if (flight && flight->note.text[0] && !cli_quiet())
         fprintf(stderr, "otwd: %s\n", flight->note.text);
     if (r == 0) {
         r = options.params.protocol == POSE_PROTOCOL_CIGI ? send_cigi(flight, &options, &diag)

@@ -224,7 +224,7 @@ int status_main(int argc, char **argv)
     }
     if (options.json)
         r = print_json(&health);
-    else
+    else if (!cli_quiet())
         status_print(stdout, &health);
     return r;
 }

@@ -16,13 +16,12 @@ enum { OPT_AGAINST = 256, OPT_CRS, OPT_NODATA, OPT_GEOID };
 
 struct verify_options {
     const char *database, *against, *crs, *nodata, *geoid;
-    bool json, quiet, progress;
+    bool json, progress;
     json_t *faults;
 };
 
 static const struct argp_option known[] = {
     {"json", 'j', NULL, 0, "as JSON", 0},
-    {"quiet", 'q', NULL, 0, "only the exit status", 0},
     {"against", OPT_AGAINST, "SOURCE", 0,
      "also compare every post that came from this source with it", 0},
     {"crs", OPT_CRS, "CRS", 0, "of the source, as in its import", 0},
@@ -37,9 +36,6 @@ static error_t parse_option(int key, char *argument, struct argp_state *state)
     switch (key) {
     case 'j':
         options->json = true;
-        return 0;
-    case 'q':
-        options->quiet = true;
         return 0;
     case OPT_AGAINST:
         options->against = argument;
@@ -73,7 +69,7 @@ static bool tell(void *user, const struct database_fault *fault, uint64_t done, 
     struct verify_options *options = user;
     if (fault && options->json)
         json_array_append_new(options->faults, cli_json_text(fault->text));
-    else if (fault && !options->quiet)
+    else if (fault && !cli_quiet())
         printf("%s\n", fault->text);
     else if (!fault && options->progress)
         fprintf(stderr, "\r%llu of %llu tiles", (unsigned long long)done,
@@ -95,8 +91,10 @@ static int verify_against(const struct verify_options *options)
         }
     if (options->json)
         arguments[count++] = "--json";
-    if (options->quiet)
+    if (cli_quiet())
         arguments[count++] = "--quiet";
+    if (cli_verbose())
+        arguments[count++] = "--verbose";
     arguments[count++] = options->against;
     fflush(stdout);
     return import_exec((char **)arguments);
@@ -106,7 +104,7 @@ int verify_main(int argc, char **argv)
 {
     struct verify_options options = {0};
     cli_parse(&parser, "verify", argc, argv, &options);
-    options.progress = isatty(STDERR_FILENO) && !options.quiet && !options.json;
+    options.progress = isatty(STDERR_FILENO) && !cli_quiet() && !options.json;
     options.faults = options.json ? json_array() : NULL;
     struct diag diag = {0};
     struct database *database = NULL;
@@ -127,7 +125,7 @@ int verify_main(int argc, char **argv)
         json_dumpf(root, stdout, JSON_INDENT(2));
         putchar('\n');
         json_decref(root);
-    } else if (!options.quiet) {
+    } else if (!cli_quiet()) {
         printf("%s: %llu tiles, %llu faults\n", options.database, (unsigned long long)report.tiles,
                (unsigned long long)report.faults);
     }

@@ -35,7 +35,12 @@ static int spawn_ffmpeg(const char *path, int width, int height, double rate_hz,
     posix_spawn_file_actions_t actions;
     posix_spawn_file_actions_init(&actions);
     posix_spawn_file_actions_adddup2(&actions, input, STDIN_FILENO);
-    int r = -posix_spawnp(ret_child, "nice", &actions, NULL, (char *const *)argv, environ);
+    posix_spawnattr_t
+        attributes; /* a group of its own: Ctrl-C is for us, the end of its input for it */
+    posix_spawnattr_init(&attributes);
+    posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);
+    int r = -posix_spawnp(ret_child, "nice", &actions, &attributes, (char *const *)argv, environ);
+    posix_spawnattr_destroy(&attributes);
     posix_spawn_file_actions_destroy(&actions);
     return r;
 }

@@ -25,6 +25,9 @@ done
 [ "$("$OTWD" height flat.db -46.7 -8.1 --datum ellipsoid)" = nan ] || fail "a place in the south-west"
 "$OTWD" height flat.db -46.7 -8.1 -9 2>height.err
 [ $? -eq 64 ] || fail "a third number is taken"
+[ "$("$OTWD" height flat.db 46.7 8.1 --json)" = '{"lat_deg": 46.7, "lon_deg": 8.1, "height_m": 1234.0}' ] ||
+    fail "as JSON: $("$OTWD" height flat.db 46.7 8.1 --json)"
+"$OTWD" height flat.db -46.7 8.1 --json | grep -q '"height_m": null}$' || fail "no height as JSON"
 mkfifo questions answers
 start height.log sh -c "'$OTWD' height flat.db <questions >answers"
 exec 3>questions 4<answers

@@ -3,9 +3,12 @@
 source_root=$(cd "$(dirname "$0")/../.." && pwd)
 . "$(dirname "$0")/common.sh"
 
+# What all have, and the manual tells once.
+everywhere='help\|usage\|version\|quiet\|verbose'
+
 # The options of a subcommand by its own help; by the manual's section on it; by the completion.
 helped() {
-    sed -n 's/^ *\(-., \)\{0,1\} *--\([a-z-]*\).*/\2/p' help.txt | grep -vx 'help\|usage\|version'
+    sed -n 's/^ *\(-., \)\{0,1\} *--\([a-z-]*\).*/\2/p' help.txt | grep -vx "$everywhere"
 }
 told() {
     awk -v name="$1" '/^\.S[sh] / { on = $0 == ".Ss otwd " name } on && /^\.It Fl/' \
@@ -16,7 +19,7 @@ completed() {
     bash -c '. "$1"; COMP_WORDS=("${@:2}" --); COMP_CWORD=$(($# - 1)); _otwd
         printf "%s\n" "${COMPREPLY[@]}"' \
         bash "$source_root/docs/completion/otwd.bash" "$OTWD" $1 |
-        sed 's/^--//' | grep -vx 'help\|usage\|version'
+        sed 's/^--//' | grep -vx "$everywhere"
 }
 # shellcheck disable=SC2086 # a name may be two words
 for name in run replay demo import merge info verify height dig send 'bench codec' \
@@ -26,6 +29,9 @@ for name in run replay demo import merge info verify height dig send 'bench code
         cat help.txt
         continue
     fi
+    for option in quiet verbose; do
+        grep -q -- "-., --$option" help.txt || fail "$name: no --$option"
+    done
     helped | sort >helped.txt
     told "$name" | sort >told.txt
     completed "$name" | sort >completed.txt
