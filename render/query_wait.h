@@ -6,6 +6,6 @@
 #include "base/clock.h"
 
 /* Waits for the result of a query that was flushed: sleeps until the monotonic time `until_ns`,
- * then looks at it again and again, for some milliseconds; where it takes longer the wait for the
- * result, which the caller asks for next, is the driver's. */
+ * then looks at it again and again, for some milliseconds; where it takes longer the rest of the
+ * wait is the driver's. */
 void query_wait(unsigned query, nsec_t until_ns);
